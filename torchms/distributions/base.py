@@ -1,0 +1,116 @@
+"""What every microfacet distribution offers, derived from three functions of its own."""
+
+from abc import abstractmethod
+
+import torch
+from torch import Tensor
+
+from torchms.frame import Vec3, dot, join, split
+from torchms.module import Parametric, describe
+from torchms.numerics import away_from_zero, horizon, smallest
+from torchms.typing import Direction, Pair, Scalar
+
+
+class MicrofacetDistribution(Parametric):
+    """Statistics of the microfacet normals of a Smith surface.
+
+    A subclass gives three kernels on component vectors: `normal_density` (D), `projected_area` (what Λ, G1 and the
+    visible normals follow from, on the whole sphere) and `visible_normal` (the sampler). Everything else is here.
+    """
+
+    @abstractmethod
+    def normal_density(self, m: Vec3) -> Tensor:
+        """D(m) [1/sr]: zero for m at or below the horizon."""
+
+    @abstractmethod
+    def projected_area(self, w: Vec3) -> Tensor:
+        """σ(w) = ∫ ⟨w, m⟩ D(m) dm > 0, the facet area that faces `w`, on the whole sphere.
+
+        It must be accurate relative to itself, also below the horizon where it is small: σ(w) − σ(−w) = w_z.
+        """
+
+    @abstractmethod
+    def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
+        """A normal with density D(m) ⟨w, m⟩ / σ(w), for `w` anywhere on the sphere."""
+
+    @property
+    @abstractmethod
+    def mean_alpha2(self) -> Tensor:
+        """(α_x² + α_y²) / 2: how rough the surface is, for proposals that follow the roughness."""
+
+    # Kernels derived from the three above.
+
+    def blocking(self, d: Vec3) -> Tensor:
+        """|Λ(d)| = σ(−d) / |d_z|, accurate relative to itself on the whole sphere.
+
+        [Heitz2016]: Λ(d) = σ(d) / d_z − 1. With σ(d) = σ(−d) + d_z, the numerator is σ(−d) for either sign of d_z.
+        The same number is a(−d) = |1 + Λ(−d)|.
+        """
+        # |d_z| is kept `horizon` away from zero, so that |Λ| is finite at the horizon and so is its gradient.
+        return self.projected_area(-d) / away_from_zero(d.z, horizon(d.z.dtype)).abs()
+
+    def signed_lambda(self, w: Vec3) -> Tensor:
+        """Λ(w): positive above the horizon, below −1 or equal beneath it."""
+        magnitude = self.blocking(w)
+        return torch.where(w.z < 0, -magnitude, magnitude)
+
+    def visible_density(self, w: Vec3, m: Vec3) -> Tensor:
+        """D_w(m) = D(m) ⟨w, m⟩ / σ(w)."""
+        return self.normal_density(m) * dot(w, m).clamp_min(0) / self.guarded_area(w)
+
+    def guarded_area(self, w: Vec3) -> Tensor:
+        """σ(w), kept above zero at the one direction that no facet faces (straight up from below)."""
+        return self.projected_area(w).clamp_min(smallest(w.z.dtype))
+
+    # The public surface.
+
+    def D(self, m: Direction) -> Scalar:
+        """Density of microfacet normals at `m` [1/sr]: ∫ D(m) m_z dm = 1; zero at and below the horizon."""
+        return self.normal_density(split(m))
+
+    def Lambda(self, w: Direction) -> Scalar:
+        """Smith's Λ at `w`, signed, on the whole sphere: Λ(−w) = −1 − Λ(w) [Heitz2016].
+
+        Closer to the horizon than |w_z| = 1e-7 (float32; 1e-14 in float64), where Λ diverges, it is that of this
+        w_z; exactly at the horizon it is positive.
+        """
+        return self.signed_lambda(split(w))
+
+    def D_visible(self, w: Direction, m: Direction) -> Scalar:
+        """Density of the normals visible from `w`, at `m` [1/sr]; integrates to 1 over m for any `w` on the sphere."""
+        return self.visible_density(split(w), split(m))
+
+    def sample_visible(self, w: Direction, u: Pair) -> Direction:
+        """A visible normal for any `w` on the sphere, with density `D_visible`; `u` in [0, 1)²."""
+        return join(self.visible_normal(split(w), u[..., 0], u[..., 1]))
+
+    def extra_repr(self) -> str:
+        return describe(self)
+
+
+class EllipticDistribution(MicrofacetDistribution):
+    """A distribution whose slopes are a round one, stretched by α_x along x and α_y along y."""
+
+    limits = (1e-3, 2.0)
+
+    def __init__(self, alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> None:
+        super().__init__()
+        low, high = self.limits
+        remedy = "A mirror is the limit alpha -> 0: use a delta BSDF."
+        self.declare("alpha", alpha, low=low, high=high, remedy=remedy)
+        self.declare("alpha_y", alpha_y, low=low, high=high, remedy=remedy)
+
+    @property
+    def alphas(self) -> tuple[Tensor, Tensor]:
+        """α_x and α_y; they are one tensor if the distribution is isotropic."""
+        return self.alpha, self.alpha if self.alpha_y is None else self.alpha_y
+
+    @property
+    def mean_alpha2(self) -> Tensor:
+        ax, ay = self.alphas
+        return (ax * ax + ay * ay) / 2
+
+    def stretched(self, v: Vec3) -> Vec3:
+        """(α_x v_x, α_y v_y, v_z)."""
+        ax, ay = self.alphas
+        return Vec3(ax * v.x, ay * v.y, v.z)

@@ -1,0 +1,101 @@
+"""Directions inside the package: three component tensors, never one (..., 3) tensor.
+
+Component-split kernels are what both eager mode and Inductor run fast; `split` and `join` are the only
+two places where the layout changes.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from torchms.numerics import safe_sqrt, smallest
+
+
+class Vec3(NamedTuple):
+    """A batch of vectors as its components; `x`, `y` and `z` broadcast against each other."""
+
+    x: Tensor
+    y: Tensor
+    z: Tensor
+
+    def __neg__(self) -> "Vec3":
+        return Vec3(-self.x, -self.y, -self.z)
+
+
+def split(v: Tensor) -> Vec3:
+    """The components of a (..., 3) tensor."""
+    return Vec3(*v.unbind(-1))
+
+
+def join(v: Vec3) -> Tensor:
+    """The (..., 3) tensor of three components."""
+    return torch.stack(torch.broadcast_tensors(*v), dim=-1)
+
+
+def scaled(v: Vec3, s: Tensor) -> Vec3:
+    """s · v."""
+    return Vec3(s * v.x, s * v.y, s * v.z)
+
+
+def dot(a: Vec3, b: Vec3) -> Tensor:
+    """a · b."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+def select(mask: Tensor, a: Vec3, b: Vec3) -> Vec3:
+    """a where `mask`, else b."""
+    return Vec3(torch.where(mask, a.x, b.x), torch.where(mask, a.y, b.y), torch.where(mask, a.z, b.z))
+
+
+def normalized(v: Vec3) -> Vec3:
+    """v / |v|. A vector too short to have a direction becomes +z, with a zero gradient."""
+    length2 = dot(v, v)
+    ok = length2 > smallest(length2.dtype)
+    inverse = 1 / torch.sqrt(torch.where(ok, length2, 1.0))
+    return Vec3(
+        torch.where(ok, v.x * inverse, 0.0), torch.where(ok, v.y * inverse, 0.0), torch.where(ok, v.z * inverse, 1.0)
+    )
+
+
+def half_vector(w: Vec3, d: Vec3) -> Vec3:
+    """(w + d) / |w + d|."""
+    return normalized(Vec3(w.x + d.x, w.y + d.y, w.z + d.z))
+
+
+def reflect(w: Vec3, m: Vec3) -> Vec3:
+    """Mirror image of `w` about the normal `m`; both point away from the facet."""
+    twice = 2 * dot(w, m)
+    return Vec3(twice * m.x - w.x, twice * m.y - w.y, twice * m.z - w.z)
+
+
+def refract(w: Vec3, m: Vec3, eta: Tensor) -> Vec3:
+    """Direction of `w` after it passed the facet `m` [Walter2007, Eq. 40]; eta = n_transmitted / n_incident.
+
+    Under total internal reflection, where there is no such direction, it is the grazing one.
+    """
+    cos_i = dot(w, m)
+    # [Walter2007] writes o_t = (eta' c - sqrt(1 + eta'^2 (c^2 - 1))) m - eta' i with eta' = 1 / eta.
+    inverse = 1 / eta
+    cos_t = safe_sqrt(1 - inverse * inverse * (1 - cos_i * cos_i))
+    along = inverse * cos_i - cos_t
+    return Vec3(along * m.x - inverse * w.x, along * m.y - inverse * w.y, along * m.z - inverse * w.z)
+
+
+def mirrored(v: Vec3) -> Vec3:
+    """v with its z component negated: the image across the macro-surface."""
+    return Vec3(v.x, v.y, -v.z)
+
+
+def orthonormal_basis(n: Vec3) -> tuple[Vec3, Vec3]:
+    """Two unit vectors that complete the unit vector `n` to a right-handed frame, without a branch on n.
+
+    Any rotation of the pair about n would serve; the sign of n.z picks the pole that is divided by.
+    """
+    sign = torch.where(n.z >= 0, 1.0, -1.0).to(n.z.dtype)
+    a = -1 / (sign + n.z)
+    b = n.x * n.y * a
+    return (
+        Vec3(1 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+        Vec3(b, sign + n.y * n.y * a, -n.y),
+    )

@@ -1,0 +1,133 @@
+"""Parameters of a batch: how a module checks, stores and slices the numbers that describe a surface."""
+
+import copy
+from collections.abc import Callable
+from typing import TypeVar
+
+import torch
+from torch import Tensor, nn
+from torch.nn.utils import parametrize
+
+M = TypeVar("M", bound="Parametric")
+
+
+def first_bad(bad: Tensor, value: Tensor) -> str:
+    """`value` and index of the first element where `bad` holds, for an error message."""
+    flat = int(torch.argmax(bad.reshape(-1).to(torch.uint8)))
+    index = tuple(int(i) for i in torch.unravel_index(torch.tensor(flat), bad.shape)) if bad.ndim else ()
+    number = float(value.detach().reshape(-1)[flat])
+    return f"{number:g} at index {index}" if index else f"{number:g}"
+
+
+class Parametric(nn.Module):
+    """A module whose numbers may be scalars, batches or per-pixel maps.
+
+    A float or a tensor becomes a buffer (its autograd graph is kept), an `nn.Parameter` stays one. A parameter has
+    shape `*batch`, or `*batch C` if it carries channels.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.declared: dict[str, bool] = {}
+
+    def declare(
+        self,
+        name: str,
+        value: float | Tensor | nn.Parameter | None,
+        *,
+        low: float,
+        high: float,
+        remedy: str,
+        open_low: bool = False,
+        channels: bool = False,
+    ) -> None:
+        """Check `value` and register it as `name`.
+
+        Raises ValueError with the name, the value, the allowed range and the `remedy` if an element is outside
+        [low, high] (or (low, high] if `open_low`) or NaN; TypeError if it is not a real number or tensor.
+        """
+        self.declared[name] = channels
+        if value is None:
+            self.register_buffer(name, None)
+            return
+        label = f"{type(self).__name__}({name}=...)"
+        if isinstance(value, Tensor):
+            tensor = value
+        elif isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
+            raise TypeError(f"{label} must be a float, a Tensor or an nn.Parameter; got {type(value).__name__}.")
+        else:
+            tensor = torch.tensor(value, dtype=torch.get_default_dtype())
+        if not tensor.is_floating_point():
+            if tensor.is_complex():
+                raise TypeError(f"{label} must be real; got {tensor.dtype}.")
+            tensor = tensor.to(torch.get_default_dtype())
+        if channels and tensor.ndim == 0:
+            tensor = tensor.reshape(1)
+        if not isinstance(tensor, torch._subclasses.FakeTensor):
+            outside = (tensor <= low) if open_low else (tensor < low)
+            bad = (outside | (tensor > high) | torch.isnan(tensor)).detach()
+            if bool(bad.any()):
+                bracket = "(" if open_low else "["
+                raise ValueError(
+                    f"{label} must lie in {bracket}{low:g}, {high:g}]; got {first_bad(bad, tensor)}. {remedy}"
+                )
+        if isinstance(tensor, nn.Parameter):
+            self.register_parameter(name, tensor)
+        else:
+            self.register_buffer(name, tensor)
+
+    def parameter_batch_shapes(self) -> list[torch.Size]:
+        """Batch shapes of all declared parameters, children included, without the channel axes."""
+        shapes = []
+        for module in self.modules():
+            if isinstance(module, Parametric):
+                for name, channels in module.declared.items():
+                    value = getattr(module, name)
+                    if value is not None:
+                        shapes.append(value.shape[:-1] if channels else value.shape)
+        return shapes
+
+
+def bound(module: M, function: Callable[[Tensor, bool], Tensor]) -> M:
+    """A shallow copy of `module` whose declared parameters are `function(value, has_channels)` of the originals.
+
+    Graphs are kept, nothing is validated again and `module` is not touched. Used to evaluate a block of rows with
+    that block's rows of every per-pixel parameter.
+    """
+    parametrized = parametrize.is_parametrized(module)
+    cls = type(module).__mro__[1] if parametrized else type(module)
+    clone = object.__new__(cls)
+    clone.__dict__.update(module.__dict__)
+    clone._buffers = dict(module._buffers)
+    clone._parameters = dict(module._parameters)
+    clone._modules = {
+        name: bound(child, function) if isinstance(child, Parametric) else child
+        for name, child in module._modules.items()
+        if not (parametrized and name == "parametrizations")
+    }
+    if isinstance(module, Parametric):
+        for name, channels in module.declared.items():
+            value = getattr(module, name)
+            clone._parameters.pop(name, None)
+            clone._buffers[name] = None if value is None else function(value, channels)
+    return clone
+
+
+def channels_first(value: Tensor, ndim: int) -> Tensor:
+    """A `*batch C` parameter as (C, 1…, *batch) with `ndim` axes after the channels."""
+    batch = value.shape[:-1]
+    return value.movedim(-1, 0).reshape((value.shape[-1],) + (1,) * (ndim - len(batch)) + tuple(batch))
+
+
+def describe(module: nn.Module) -> str:
+    """One-line description of a parametric module's numbers, for `extra_repr`."""
+    parts = []
+    for name in getattr(module, "declared", {}):
+        value = getattr(module, name)
+        if value is None:
+            continue
+        if value.numel() <= 4:
+            parts.append(f"{name}={copy.deepcopy(value.detach()).tolist()}")
+        else:
+            parts.append(f"{name}=<{tuple(value.shape)}>")
+    return ", ".join(parts)

@@ -1,0 +1,55 @@
+"""Scalar functions with finite gradients, and special functions in forms that export and vectorise.
+
+Everything guards the argument, never the result: `where(bad, 1, x)` before the function, because a guarded result
+still has a NaN gradient.
+"""
+
+import torch
+from torch import Tensor
+
+
+def smallest(dtype: torch.dtype) -> float:
+    """Smallest squared length (or radicand) that is treated as positive: far above denormals, far below any use."""
+    return 1e-30 if dtype == torch.float32 else 1e-200
+
+
+def horizon(dtype: torch.dtype) -> float:
+    """Least |cos θ| that a division by cos θ sees: 1e-7 in float32, 1e-14 in float64.
+
+    Lambda of a direction closer to the horizon than this is that of this cosine, so it is large but finite.
+    """
+    return 1e-7 if dtype == torch.float32 else 1e-14
+
+
+def safe_sqrt(x: Tensor) -> Tensor:
+    """√max(x, 0), with a zero gradient where x is not positive."""
+    ok = x > smallest(x.dtype)
+    return torch.where(ok, torch.sqrt(torch.where(ok, x, 1.0)), 0.0)
+
+
+def away_from_zero(x: Tensor, least: float) -> Tensor:
+    """x with |x| ≥ least, the sign kept (zero counts as positive); no gradient where it was moved."""
+    moved = torch.where(x < 0, -least, least).to(x.dtype)
+    return torch.where(x.abs() < least, moved, x)
+
+
+def safe_div(a: Tensor, b: Tensor) -> Tensor:
+    """a / b, and 0 with a zero gradient where b is (nearly) zero."""
+    ok = b.abs() > smallest(b.dtype)
+    return torch.where(ok, a, 0.0) / torch.where(ok, b, 1.0)
+
+
+def log1p(x: Tensor) -> Tensor:
+    """ln(1 + x) for x > −1, accurate near 0 with exportable operations (Kahan's form: log(u) · x / (u − 1))."""
+    u = 1 + x
+    small = u == 1
+    return torch.where(small, x, torch.log(torch.where(small, 2.0, u)) * x / torch.where(small, 1.0, u - 1))
+
+
+def expm1(x: Tensor) -> Tensor:
+    """exp(x) − 1 for x ≤ 0, accurate near 0 with exportable operations (Kahan's form: (u − 1) · x / log(u))."""
+    u = torch.exp(x)
+    small = u == 1
+    far = u < 0.25
+    middle = torch.where(small | far, 0.5, u)
+    return torch.where(small, x, torch.where(far, u - 1, (middle - 1) * x / torch.log(middle)))
