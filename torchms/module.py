@@ -40,8 +40,9 @@ class Parametric(nn.Module):
         remedy: str,
         open_low: bool = False,
         channels: bool = False,
+        argument: str | None = None,
     ) -> None:
-        """Check `value` and register it as `name`.
+        """Check `value` and register it as `name`; `argument` is what the constructor calls it, if not `name`.
 
         Raises ValueError with the name, the value, the allowed range and the `remedy` if an element is outside
         [low, high] (or (low, high] if `open_low`) or NaN; TypeError if it is not a real number or tensor.
@@ -50,7 +51,7 @@ class Parametric(nn.Module):
         if value is None:
             self.register_buffer(name, None)
             return
-        label = f"{type(self).__name__}({name}=...)"
+        label = f"{type(self).__name__}({argument or name}=...)"
         if isinstance(value, Tensor):
             tensor = value
         elif isinstance(value, bool) or not isinstance(value, int | float | list | tuple):

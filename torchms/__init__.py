@@ -1,0 +1,71 @@
+"""Multiple-bounce microfacet BSDFs in PyTorch.
+
+Names are loaded when they are first used, so that `torchms --help` need not wait for torch.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from torchms.version import __version__
+
+if TYPE_CHECKING:
+    from torchms import fresnel, lobes, microsurface
+    from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+    from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
+    from torchms.estimators import HeightWalk, Scattering, SingleBounce, Unidirectional
+    from torchms.paths.segment import Correlated, Invariance, Segment, Uncorrelated
+
+_HOME = {
+    "BSDF": "bsdfs",
+    "RoughConductor": "bsdfs",
+    "RoughDielectric": "bsdfs",
+    "RoughDiffuse": "bsdfs",
+    "Beckmann": "distributions",
+    "GGX": "distributions",
+    "MicrofacetDistribution": "distributions",
+    "HeightWalk": "estimators",
+    "Scattering": "estimators",
+    "SingleBounce": "estimators",
+    "Unidirectional": "estimators",
+    "Correlated": "paths.segment",
+    "Invariance": "paths.segment",
+    "Segment": "paths.segment",
+    "Uncorrelated": "paths.segment",
+}
+_MODULES = ("fresnel", "lobes", "microsurface")
+
+__all__ = [
+    "BSDF",
+    "GGX",
+    "Beckmann",
+    "Correlated",
+    "HeightWalk",
+    "Invariance",
+    "MicrofacetDistribution",
+    "RoughConductor",
+    "RoughDielectric",
+    "RoughDiffuse",
+    "Scattering",
+    "Segment",
+    "SingleBounce",
+    "Uncorrelated",
+    "Unidirectional",
+    "__version__",
+    "fresnel",
+    "lobes",
+    "microsurface",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"torchms.{name}")
+    if name in _HOME:
+        value = getattr(import_module(f"torchms.{_HOME[name]}"), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'torchms' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

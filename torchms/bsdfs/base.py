@@ -1,0 +1,250 @@
+"""The public surface of every BSDF."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from torchms import blocks
+from torchms.distributions.base import MicrofacetDistribution
+from torchms.estimators.base import Scattering
+from torchms.frame import Vec3
+from torchms.module import Parametric
+from torchms.paths.vertex import Vertex
+from torchms.sampling import uniforms as uniform_numbers
+from torchms.sampling.proposals import Proposal
+from torchms.typing import Direction, Orders, Scalar, Spectrum, Uniforms
+
+
+class DirectionSample(NamedTuple):
+    """wo (*batch N 3), drawn with density `pdf` (*batch N) [1/sr], which is exact."""
+
+    wo: Tensor
+    pdf: Tensor
+
+
+class WalkSample(NamedTuple):
+    """Where a walk left: wo (*batch N 3), weight (*batch N C) and order (*batch N).
+
+    The density of wo is unknown, and is not needed: E[weight · g(wo)] = ∫ f |cos θ_o| g dwo. A walk that had not left
+    after `max_order` bounces has order 0 and weight 0.
+    """
+
+    wo: Tensor
+    weight: Tensor
+    order: Tensor
+
+
+class Albedo(NamedTuple):
+    """Energy that leaves on the side of wi and on the other side, each (*batch K C), per unit of incident energy."""
+
+    reflected: Tensor
+    transmitted: Tensor
+
+
+class BSDF(Parametric):
+    """A surface: a distribution of microfacets, what one facet does, and how the bounces are summed.
+
+    Directions are unit vectors in the local frame (+z is the macro-normal) that point away from the surface; a value is
+    f · |cos θ_o| [1/sr]. Batches broadcast, per-pixel parameters included. Evaluation runs in blocks of rows.
+    """
+
+    distribution: MicrofacetDistribution
+    scattering: Scattering
+
+    def _assemble(self, distribution: MicrofacetDistribution, scattering: Scattering) -> None:
+        if not isinstance(distribution, MicrofacetDistribution):
+            raise TypeError(f"{type(self).__name__}(distribution=...) must be GGX(...) or Beckmann(...); got {distribution!r}.")
+        if not isinstance(scattering, Scattering):
+            raise TypeError(
+                f"{type(self).__name__}(scattering=...) must be SingleBounce(), Unidirectional(...) or HeightWalk(...); "
+                f"got {scattering!r}."
+            )
+        self.distribution = distribution
+        self.scattering = scattering
+        scattering.check(self.vertex)
+
+    @property
+    @abstractmethod
+    def vertex(self) -> Vertex:
+        """One facet, with the parameters of this moment."""
+
+    @property
+    @abstractmethod
+    def proposal(self) -> Proposal:
+        """What `sample` draws from."""
+
+    @property
+    @abstractmethod
+    def n_channels(self) -> int:
+        """C, the channels of a value."""
+
+    def _unit_of(self, wi: Vec3, wo: Vec3) -> Tensor | None:
+        """What a value is multiplied by for the quantity that is transported; None for no factor."""
+        return None
+
+    @property
+    def max_order(self) -> int:
+        """K, the bounces that are counted."""
+        return self.scattering.max_order
+
+    @property
+    def n_uniforms(self) -> int:
+        """D, the random numbers a path may draw."""
+        return max(self.scattering.n_uniforms(self.vertex), self.proposal.n_uniforms)
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """dtype of the parameters, and so of `uniforms`."""
+        return next((p.dtype for p in (*self.parameters(), *self.buffers())), torch.get_default_dtype())
+
+    def uniforms(
+        self,
+        batch_shape: Sequence[int],
+        n_paths: int = 1,
+        *,
+        generator: torch.Generator | None = None,
+        sequence: str = "random",
+    ) -> Uniforms:
+        """Random numbers for one call of any method: `(*batch_shape, n_paths, n_uniforms)` in [0, 1).
+
+        `sequence` is "random" or "sobol" (scrambled, rotated a row). Raises ValueError for another one.
+        """
+        return uniform_numbers.draw(
+            batch_shape, n_paths, self.n_uniforms, generator=generator, sequence=sequence, dtype=self.dtype
+        )
+
+    def forward(self, wi: Direction, wo: Direction, u: Uniforms | None = None) -> Spectrum:
+        """f(wi, wo) · |cos θ_o| [1/sr], summed over the orders, mean over the N paths of `u`.
+
+        `u` may be left out where the scattering is deterministic. Rows on a side that the surface does not serve are 0.
+        Raises ValueError if a shape does not fit.
+        """
+        numbers = self._check(wi, wo, u, self.scattering.is_deterministic(self.vertex), "forward")
+        return blocks.run(_forward, self, (wi, wo), numbers)[0]
+
+    def orders(self, wi: Direction, wo: Direction, u: Uniforms | None = None) -> Orders:
+        """f(wi, wo) · |cos θ_o| [1/sr] of each order: `[..., k - 1, :]` after exactly k bounces; `forward` is the sum."""
+        numbers = self._check(wi, wo, u, self.scattering.is_deterministic(self.vertex), "orders")
+        return blocks.run(_orders, self, (wi, wo), numbers)[0]
+
+    def sample(self, wi: Direction, u: Uniforms) -> DirectionSample:
+        """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
+
+        For a `wi` on a side that the surface does not serve, pdf = 0.
+        """
+        self._check(wi, None, u, False, "sample")
+        return DirectionSample(*blocks.run(_sample, self, (wi,), u, per_path=True))
+
+    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
+        """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
+        self._check(wi, wo, None, True, "pdf")
+        return blocks.run(_pdf, self, (wi, wo), None)[0]
+
+    def sample_walk(self, wi: Direction, u: Uniforms) -> WalkSample:
+        """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
+
+        Its expectation is that of the model in the scattering slot.
+        """
+        self._check(wi, None, u, False, "sample_walk")
+        wo, weight, order = blocks.run(_walk, self, (wi,), u, per_path=True)
+        return WalkSample(wo, weight, order.to(torch.int64))
+
+    def albedo(self, wi: Direction, u: Uniforms) -> Albedo:
+        """Share of the energy from `wi` that leaves after each order, on either side; mean over the N paths.
+
+        No η² factor, whatever the mode.
+        """
+        self._check(wi, None, u, False, "albedo")
+        return Albedo(*blocks.run(_albedo, self, (wi,), u))
+
+    def _check(self, wi: Tensor, wo: Tensor | None, u: Tensor | None, optional: bool, caller: str) -> Tensor | None:
+        """Raise if an argument does not fit; the random numbers to use."""
+        for name, w in (("wi", wi), ("wo", wo)):
+            if w is None:
+                if name == "wo":
+                    continue
+            if not isinstance(w, Tensor) or not w.is_floating_point():
+                raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {_kind(w)}.")
+            if w.ndim == 0 or w.shape[-1] != 3:
+                raise ValueError(f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}.")
+        D = self.n_uniforms
+        if u is None:
+            if optional:
+                return None
+            raise ValueError(
+                f"{caller}() needs random numbers: u is missing. "
+                f"Draw them with u = bsdf.uniforms(batch_shape, n_paths), which gives (*batch, N, {D})."
+            )
+        if not isinstance(u, Tensor) or not u.is_floating_point():
+            raise TypeError(f"u must be a floating-point Tensor (*batch, N, {D}); got {_kind(u)}.")
+        if u.ndim < 2 or u.shape[-1] != D or u.shape[-2] < 1:
+            raise ValueError(
+                f"u must be (*batch, N, D) with N >= 1 and D = {D} for this BSDF; got shape {tuple(u.shape)}. "
+                "Draw it with bsdf.uniforms(batch_shape, n_paths)."
+            )
+        return None if optional else u
+
+
+def _kind(value: object) -> str:
+    return f"a Tensor of {value.dtype}" if isinstance(value, Tensor) else type(value).__name__
+
+
+# The kernels: functions of components. Values are (C, N, …) with N = 1 where nothing was drawn.
+
+
+def _values(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
+    values = [value.mean(1) for value in bsdf.scattering.evaluate(bsdf.vertex, wi, wo, u)]
+    unit = bsdf._unit_of(wi, wo)
+    return values if unit is None else [value * unit for value in values]
+
+
+def _forward(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    first, *rest = _values(bsdf, wi, wo, u)
+    return (sum(rest, first),)
+
+
+def _orders(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    return (torch.stack(torch.broadcast_tensors(*_values(bsdf, wi, wo, u))),)
+
+
+def _sample(bsdf: BSDF, wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    wo = bsdf.proposal.sample(wi, u)
+    pdf = bsdf.proposal.density(wi, wo)
+    return torch.stack(torch.broadcast_tensors(*wo)), pdf
+
+
+def _pdf(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    return (bsdf.proposal.density(wi, wo).mean(0),)
+
+
+def _walk(bsdf: BSDF, wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    # The escape probabilities of one walk sum to one: number 0 picks the bounce after which it leaves.
+    left = torch.zeros_like(u[0])
+    x, y, z = torch.zeros_like(left), torch.zeros_like(left), torch.ones_like(left)
+    order = torch.zeros_like(left)
+    weight: Tensor | None = None
+    for k, leg in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u), start=1):
+        after = left + leg.escapes
+        now = (u[0] >= left) & (u[0] < after)
+        left = after
+        carried = leg.weight
+        unit = bsdf._unit_of(wi, leg.d)
+        if unit is not None:
+            carried = carried * unit
+        x, y, z = torch.where(now, leg.d.x, x), torch.where(now, leg.d.y, y), torch.where(now, leg.d.z, z)
+        order = torch.where(now, float(k), order)
+        weight = torch.where(now, carried, 0.0 if weight is None else weight)
+    assert weight is not None
+    return torch.stack(torch.broadcast_tensors(x, y, z)), weight, order
+
+
+def _albedo(bsdf: BSDF, wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    reflected, transmitted = [], []
+    for leg in bsdf.scattering.walk(bsdf.vertex, wi, u):
+        energy = leg.weight * leg.escapes
+        reflected.append(torch.where(leg.transmitted, 0.0, energy).mean(1))
+        transmitted.append(torch.where(leg.transmitted, energy, 0.0).mean(1))
+    return torch.stack(torch.broadcast_tensors(*reflected)), torch.stack(torch.broadcast_tensors(*transmitted))

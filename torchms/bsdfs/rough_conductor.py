@@ -1,0 +1,41 @@
+"""Rough metal."""
+
+from torchms.bsdfs.base import BSDF
+from torchms.distributions.base import MicrofacetDistribution
+from torchms.estimators.base import Scattering
+from torchms.estimators.unidirectional import Unidirectional
+from torchms.fresnel.base import Fresnel
+from torchms.paths.segment import Invariance
+from torchms.paths.vertex import Mirror
+from torchms.sampling.proposals import ReflectionProposal
+
+
+class RoughConductor(BSDF):
+    """Mirror facets with any Fresnel term; reflects above the horizon only.
+
+    scattering: `Unidirectional(Invariance(), max_order=8)` if it is not given.
+    """
+
+    def __init__(
+        self, distribution: MicrofacetDistribution, fresnel: Fresnel, scattering: Scattering | None = None
+    ) -> None:
+        super().__init__()
+        if not isinstance(fresnel, Fresnel):
+            raise TypeError(
+                "RoughConductor(fresnel=...) must be a torchms.fresnel module such as Conductor.metal('Cu'); "
+                f"got {fresnel!r}."
+            )
+        self.fresnel = fresnel
+        self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
+
+    @property
+    def vertex(self) -> Mirror:
+        return Mirror(self.distribution, self.fresnel)
+
+    @property
+    def proposal(self) -> ReflectionProposal:
+        return ReflectionProposal(self.distribution)
+
+    @property
+    def n_channels(self) -> int:
+        return self.fresnel.n_channels

@@ -1,0 +1,46 @@
+"""Rough matte surfaces."""
+
+from torch import Tensor
+
+from torchms.bsdfs.base import BSDF
+from torchms.distributions.base import MicrofacetDistribution
+from torchms.estimators.base import Scattering
+from torchms.estimators.unidirectional import Unidirectional
+from torchms.module import describe
+from torchms.paths.segment import Invariance
+from torchms.paths.vertex import Diffuse
+from torchms.sampling.proposals import HemisphereProposal
+
+
+class RoughDiffuse(BSDF):
+    """Lambertian facets with an `albedo` in [0, 1] per channel: a float, (C,) or per pixel (*batch C).
+
+    scattering: `Unidirectional(Invariance(), max_order=8)` if it is not given. A value is always an estimate, the first
+    order included: the facet is drawn. Raises ValueError if the albedo is outside its range.
+    """
+
+    def __init__(
+        self,
+        distribution: MicrofacetDistribution,
+        albedo: float | list[float] | tuple[float, ...] | Tensor,
+        scattering: Scattering | None = None,
+    ) -> None:
+        super().__init__()
+        remedy = "A facet cannot reflect more than it receives."
+        self.declare("reflectance", albedo, low=0.0, high=1.0, channels=True, remedy=remedy, argument="albedo")
+        self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
+
+    @property
+    def vertex(self) -> Diffuse:
+        return Diffuse(self.distribution, self.reflectance)
+
+    @property
+    def proposal(self) -> HemisphereProposal:
+        return HemisphereProposal(self.distribution)
+
+    @property
+    def n_channels(self) -> int:
+        return self.reflectance.shape[-1]
+
+    def extra_repr(self) -> str:
+        return describe(self)

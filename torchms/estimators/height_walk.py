@@ -1,0 +1,21 @@
+"""The random walk of [Heitz2016], which carries the height: the oracle for reflection and transmission."""
+
+from torchms.estimators.base import PathTracer
+from torchms.paths.segment import RandomHeight
+
+
+class HeightWalk(PathTracer):
+    """The Smith model itself: a walk that carries its height, with next-event estimation at every bounce [Heitz2016].
+
+    A ray that may escape is followed with the probability that it stays, instead of being ended at random; this changes
+    no expectation, lowers the variance and keeps the gradient. Results do not depend on the distribution of heights.
+    """
+
+    is_unbiased = True
+    is_reciprocal = True
+
+    def __init__(self, max_order: int = 8) -> None:
+        super().__init__(RandomHeight(), max_order)
+
+    def extra_repr(self) -> str:
+        return f"max_order={self.max_order}"

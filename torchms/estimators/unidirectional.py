@@ -1,0 +1,25 @@
+"""The position-free path integral, estimated from the side of wi [Wang2022]."""
+
+from torchms.estimators.base import PathTracer
+from torchms.paths.segment import Invariance, Segment
+
+
+class Unidirectional(PathTracer):
+    """Sum over all paths of up to `max_order` bounces, sampled from wi, with a `segment` model for the heights.
+
+    What is left after `max_order` bounces is not counted. Raises ValueError when it is put into a dielectric with
+    `Invariance`, which knows one side of the surface only.
+    """
+
+    def __init__(self, segment: Segment, max_order: int = 8) -> None:
+        if not isinstance(segment, Segment):
+            raise TypeError(
+                f"{type(self).__name__}(segment=...) must be Uncorrelated(), Correlated() or Invariance(); "
+                f"got {segment!r}."
+            )
+        super().__init__(segment, max_order)
+        self.is_reciprocal = segment.is_reciprocal
+        self.is_unbiased = isinstance(segment, Invariance) or self.max_order == 1
+
+    def extra_repr(self) -> str:
+        return f"max_order={self.max_order}"

@@ -1,0 +1,196 @@
+"""Vertex terms: what one facet does to light, seen from either side of the horizon.
+
+`w` is the view direction at the vertex, `d` the direction light takes; both are in the frame of the side the light is
+on, `w` may lie below the horizon. The kernel `phase` is the vertex term divided by a(w): the phase function of
+[Heitz2016], which is what a walk by visible normals multiplies.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from torchms.distributions.base import MicrofacetDistribution
+from torchms.frame import Vec3, dot, half_vector, normalized, orthonormal_basis, reflect, refract, scaled, select
+from torchms.fresnel.base import Fresnel
+from torchms.fresnel.dielectric import fresnel_dielectric
+from torchms.module import channels_first
+from torchms.numerics import horizon, safe_div, smallest
+from torchms.sampling.warps import cosine_hemisphere
+
+
+class Bounce(NamedTuple):
+    """What came out of a vertex: the direction in the frame of the side it runs on, its weight (C, …), and sides.
+
+    crossed, side: None where no facet transmits; else whether the ray changed side, and the side it is on now (±1).
+    """
+
+    d: Vec3
+    weight: Tensor
+    crossed: Tensor | None = None
+    side: Tensor | None = None
+
+
+class Vertex(ABC):
+    """One interaction with a facet of the distribution."""
+
+    distribution: MicrofacetDistribution
+    n_uniforms: int
+    """Random numbers a bounce draws; the first two choose the facet."""
+    monotone: bool
+    """Whether an upgoing ray can only be turned further up."""
+    phase_needs_normal: bool = False
+    """Whether `phase` is an estimate that needs a sampled normal."""
+    transmits: bool = False
+
+    @abstractmethod
+    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
+        """v(w, d) / a(w) [1/sr], (C, …)."""
+
+    @abstractmethod
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
+        """A direction off the facet with normal `normal`; `numbers` are those after the first two."""
+
+    @abstractmethod
+    def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
+        """Density [1/sr] of the direction that `visible_normal` and `sample` give together."""
+
+    def value(self, w: Vec3, d: Vec3, normal: Vec3 | None = None, side: Tensor | None = None) -> Tensor:
+        """The vertex term v(w, d) of THEORY section 4, (C, …)."""
+        return self.distribution.blocking(-w) * self.phase(w, d, normal, side)
+
+    def enter(self, wi: Vec3) -> tuple[Vec3, Tensor | None, Tensor]:
+        """Light arrives from `wi`: the view direction in the local frame, the side, and whether the side is ours."""
+        return wi, None, wi.z > 0
+
+    def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
+        """The facet that light from `w` meets."""
+        return self.distribution.visible_normal(w, u0, u1)
+
+
+def reflection_density(distribution: MicrofacetDistribution, w: Vec3, h: Vec3) -> Tensor:
+    """Density D(h) / (4 a(w) |w_z|) of reflecting w about the visible normal h [Heitz2016]."""
+    return distribution.normal_density(h) / (4 * distribution.guarded_area(w))
+
+
+@dataclass(frozen=True)
+class Mirror(Vertex):
+    """Facets that reflect like mirrors, weighted by a Fresnel term."""
+
+    distribution: MicrofacetDistribution
+    fresnel: Fresnel
+    n_uniforms = 2
+    monotone = True
+
+    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
+        h = half_vector(w, d)
+        return self.fresnel.reflectance(dot(w, h)) * reflection_density(self.distribution, w, h)
+
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
+        return Bounce(reflect(w, normal), self.fresnel.reflectance(dot(w, normal)))
+
+    def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
+        return reflection_density(self.distribution, w, half_vector(w, d))
+
+
+@dataclass(frozen=True)
+class Refractive(Vertex):
+    """Facets of a dielectric, which reflect or refract. Side +1 is outside; `eta` = n_inside / n_outside.
+
+    Here `d` is in the frame of the side that light arrives on: below the horizon it is transmitted.
+    """
+
+    distribution: MicrofacetDistribution
+    eta: Tensor
+    n_uniforms = 3
+    monotone = False
+    transmits = True
+
+    def relative_eta(self, side: Tensor) -> Tensor:
+        """n_transmitted / n_incident for light that arrives on `side`."""
+        return torch.where(side > 0, self.eta, 1 / self.eta)
+
+    def enter(self, wi: Vec3) -> tuple[Vec3, Tensor | None, Tensor]:
+        side = torch.where(wi.z < 0, -1.0, 1.0).to(wi.z.dtype)
+        return scaled(wi, side), side, wi.z != 0
+
+    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
+        return self.density(w, d, side)[None]
+
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
+        assert side is not None
+        eta = self.relative_eta(side)
+        F, _ = fresnel_dielectric(dot(w, normal).clamp(0.0, 1.0), eta)
+        crossed = numbers[0] >= F
+        d = select(crossed, -refract(w, normal, eta), reflect(w, normal))
+        return Bounce(d, torch.ones_like(F)[None], crossed, torch.where(crossed, -side, side))
+
+    def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
+        side = torch.ones_like(w.z) if side is None else side
+        return self.transport(w, d, side, d.z < 0)
+
+    def transport(self, w: Vec3, d: Vec3, side: Tensor, transmitted: Tensor) -> Tensor:
+        """Density of reflecting, or where `transmitted` of refracting, w into d, whatever side of the horizon d is on.
+
+        [Walter2007] Eqs. 13 and 16: h ∝ w + d for reflection, w + η d for refraction, turned so that it faces w. With
+        visible normals the density is D(h) / σ(w) times F / 4 or (1 − F) (w·h) |d·h| η² / (w·h + η d·h)².
+        """
+        eta = self.relative_eta(side)
+        n = torch.where(transmitted, eta, 1.0)
+        h = Vec3(w.x + n * d.x, w.y + n * d.y, w.z + n * d.z)
+        length2 = dot(h, h)
+        # The refracting half vector points into the denser medium: turn it so that it is an outer normal.
+        h = normalized(scaled(h, torch.where(h.z < 0, -1.0, 1.0).to(h.z.dtype)))
+        wh, dh = dot(w, h), dot(d, h)
+        F, _ = fresnel_dielectric(wh.clamp(0.0, 1.0), eta)
+        # w·h + η d·h = ±|w + η d|, the length before it was normalised.
+        jacobian = safe_div((1 - F) * wh * dh.abs() * (n * n), length2)
+        good = (wh > 0) & torch.where(transmitted, dh < 0, dh > 0) & (length2 > smallest(length2.dtype))
+        each = torch.where(transmitted, jacobian, F / 4)
+        density = self.distribution.normal_density(h) / self.distribution.guarded_area(w) * each
+        return torch.where(good, density, 0.0)
+
+
+@dataclass(frozen=True)
+class Diffuse(Vertex):
+    """Lambertian facets [HeitzDupuy2015] with an `albedo` per channel (*batch C)."""
+
+    distribution: MicrofacetDistribution
+    albedo: Tensor
+    n_uniforms = 4
+    monotone = False
+    phase_needs_normal = True
+
+    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
+        """(ρ / π) ⟨d, m⟩ of one visible normal m: an unbiased estimate of the mean over all of them."""
+        assert normal is not None
+        facing = dot(d, normal).clamp_min(0)
+        return channels_first(self.albedo, facing.ndim) * (facing / math.pi)
+
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
+        c = cosine_hemisphere(numbers[0], numbers[1])
+        t, b = orthonormal_basis(normal)
+        d = Vec3(
+            c.x * t.x + c.y * b.x + c.z * normal.x,
+            c.x * t.y + c.y * b.y + c.z * normal.y,
+            c.x * t.z + c.y * b.z + c.z * normal.z,
+        )
+        return Bounce(d, channels_first(self.albedo, d.z.ndim).expand(-1, *d.z.shape))
+
+    def density(self, w: Vec3, d: Vec3, side: Tensor | None = None, nodes: int = 16) -> Tensor:
+        """(1 / π) ∫ ⟨d, m⟩ D_w(m) dm by the midpoint rule on nodes × nodes visible normals."""
+        total = torch.zeros_like(dot(w, d))
+        for i in range(nodes):
+            for j in range(nodes):
+                u0 = torch.full_like(w.z, (i + 0.5) / nodes)
+                u1 = torch.full_like(w.z, (j + 0.5) / nodes)
+                total = total + dot(d, self.visible_normal(w, u0, u1)).clamp_min(0)
+        return total / (math.pi * nodes * nodes)
+
+
+def facing_up(d: Vec3) -> Tensor:
+    """Whether `d` points above the horizon, by more than the least cosine that a division sees."""
+    return d.z > horizon(d.z.dtype)

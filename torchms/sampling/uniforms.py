@@ -1,0 +1,46 @@
+"""The only place that draws random numbers."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+from torch.quasirandom import SobolEngine
+
+SEQUENCES = ("random", "sobol")
+
+
+def draw(
+    batch_shape: Sequence[int],
+    n_paths: int,
+    n_uniforms: int,
+    *,
+    generator: torch.Generator | None = None,
+    sequence: str = "random",
+    dtype: torch.dtype = torch.float32,
+) -> Tensor:
+    """Uniform numbers in [0, 1), `(*batch_shape, n_paths, n_uniforms)`.
+
+    Each of the `n_uniforms` numbers is contiguous in memory: the result is a permuted view. "sobol" gives every row the
+    same scrambled Sobol points, rotated by an independent random shift a row, so that rows are independent of each other.
+    Raises ValueError for an unknown `sequence`, or if n_paths or n_uniforms is less than 1.
+    """
+    batch = tuple(int(size) for size in batch_shape)
+    if n_paths < 1:
+        raise ValueError(f"n_paths must be at least 1; got {n_paths}.")
+    if sequence not in SEQUENCES:
+        raise ValueError(f"sequence must be one of {', '.join(SEQUENCES)}; got {sequence!r}.")
+    if sequence == "random":
+        u = torch.rand((n_uniforms, n_paths, *batch), generator=generator, dtype=dtype)
+    else:
+        seed = int(torch.randint(2**31 - 1, (), generator=generator))
+        points = SobolEngine(n_uniforms, scramble=True, seed=seed).draw(n_paths, dtype=torch.float64)
+        points = points.T.reshape(n_uniforms, n_paths, *(1,) * len(batch))
+        shift = torch.rand((n_uniforms, 1, *batch), generator=generator, dtype=torch.float64)
+        # Rounding to a shorter dtype may reach 1, which is outside of [0, 1).
+        u = ((points + shift) % 1.0).to(dtype).clamp_max(1 - torch.finfo(dtype).eps / 2)
+    return u.permute(*range(2, 2 + len(batch)), 1, 0)
+
+
+def generator_for(seed: int) -> torch.Generator:
+    """A CPU generator seeded with `seed`."""
+    return torch.Generator().manual_seed(seed)
