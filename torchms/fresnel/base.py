@@ -1,7 +1,7 @@
 """What a facet reflects: the slot `fresnel` of every BSDF with smooth facets."""
 
-from abc import abstractmethod
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -9,11 +9,11 @@ from torch import Tensor
 from torchms.module import Parametric, describe
 from torchms.typing import Scalar, Spectrum
 
-Value = float | int | Sequence[float | int] | Tensor
-"""What a constructor takes for a parameter: a number, a list of channels, or a tensor of shape (*batch) or (*batch, C)."""
+Value = float | int | list[Any] | tuple[Any, ...] | Tensor
+"""What a constructor takes for a parameter: a number, a list of channels, or a tensor, (*batch) or (*batch, C)."""
 
 
-class Fresnel(Parametric):
+class Fresnel(Parametric, ABC):
     """Share of the light that a smooth facet reflects, as a function of the angle of incidence; abstract.
 
     A subclass gives `reflectance` and `n_channels`. Everything is unpolarised and dimensionless.

@@ -28,6 +28,7 @@ def fresnel_conductor(cos_i: Tensor, eta: Tensor, k: Tensor) -> Tensor:
     t = torch.where(2 * c2 < 1, (eta - 1) * (eta + 1) + c2, eta * eta - s2) - k * k
     eta_k = eta * k
     above = t >= 0
+    # (t² underflows in float32 for |t| < 1e-15 only: for N = 1, no boundary at all, within 3e-8 of grazing incidence.)
     q = safe_sqrt(t * t + 4 * eta_k * eta_k)
     larger = safe_sqrt((q + torch.where(above, t, -t)) / 2)  # not t.abs(): its derivative at t = 0 would be wrong
     smaller = safe_div(eta_k, larger)
@@ -46,10 +47,10 @@ def fresnel_conductor(cos_i: Tensor, eta: Tensor, k: Tensor) -> Tensor:
 class Conductor(Fresnel):
     """Reflectance of a smooth metal [1], exact and unpolarised.
 
-    `eta` > 0 and `k` ≥ 0, the real and imaginary part of the index of refraction relative to the outside, are numbers or
-    have shape (*batch, C); they broadcast. The sign of cos θ does not matter. Raises ValueError for values out of range
-    (neither may exceed 1e6) and for shapes that do not broadcast. Source: Fresnel's equations with a complex index, Born
-    and Wolf, Principles of Optics, section 14.2.
+    `eta` > 0 and `k` ≥ 0, the real and imaginary part of the index of refraction relative to the outside, are numbers
+    or have shape (*batch, C); they broadcast. The sign of cos θ does not matter. Raises ValueError for values out of
+    range (neither may exceed 1e6) and for shapes that do not broadcast. Source: Fresnel's equations with a complex
+    index, Born and Wolf, Principles of Optics, 7th ed., section 14.2.
     """
 
     eta: Tensor
@@ -58,8 +59,8 @@ class Conductor(Fresnel):
     def __init__(self, eta: Value, k: Value) -> None:
         super().__init__()
         remedy = "Conductor.metal(name) has measured values, for example Conductor.metal('Cu')."
-        self.declare("eta", as_parameter(eta), low=0, high=1e6, open_low=True, channels=True, remedy=remedy)
-        self.declare("k", as_parameter(k), low=0, high=1e6, channels=True, remedy=remedy)
+        self.declare("eta", as_parameter(eta), low=0.0, high=1e6, open_low=True, channels=True, remedy=remedy)
+        self.declare("k", as_parameter(k), low=0.0, high=1e6, channels=True, remedy=remedy)
         try:
             torch.broadcast_shapes(self.eta.shape, self.k.shape)
         except RuntimeError as error:

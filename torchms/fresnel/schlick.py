@@ -9,8 +9,8 @@ from torchms.module import channels_first
 class Schlick(Fresnel):
     """Reflectance f0 + (1 − f0)(1 − |cos θ|)⁵ [1].
 
-    `f0`, the reflectance at normal incidence, in [0, 1], is a number or has shape (*batch, C). Raises ValueError outside
-    that range. Source: Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering", Eq. 15.
+    `f0`, the reflectance at normal incidence, in [0, 1], is a number or has shape (*batch, C). Raises ValueError
+    outside that range. Source: Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering", Eq. 15.
     """
 
     f0: Tensor
@@ -20,8 +20,8 @@ class Schlick(Fresnel):
         self.declare(
             "f0",
             as_parameter(f0),
-            low=0,
-            high=1,
+            low=0.0,
+            high=1.0,
             channels=True,
             remedy="It is a reflectance; from refractive indices use Conductor(eta, k) or Dielectric(eta).",
         )
