@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 # symbol: English names, (shelf, book, page) in the database. Chosen for bulk or thick-film samples at room temperature,
-# measured optically in the visible. Not used: Werner 2009 (energy loss of electrons; in the visible its reflectances are
-# far from the optical ones) and Querry's zinc (eta = 13).
+# measured optically in the visible. Not used: Werner 2009 (energy loss of electrons; in the visible its reflectances
+# are far from the optical ones) and Querry's zinc (eta = 13).
 SOURCES = {
     "Ag": (["silver"], ("main", "Ag", "Johnson")),
     "Al": (["aluminium", "aluminum"], ("main", "Al", "Rakic")),
