@@ -26,9 +26,7 @@ def chebyshev(f: Callable[[mp.mpf], mp.mpf], degree: int) -> list[mp.mpf]:
     previous, current = [mp.mpf(1)] + [mp.mpf(0)] * degree, [mp.mpf(0), mp.mpf(1)] + [mp.mpf(0)] * (degree - 1)
     powers = [series[0] * p + series[1] * c for p, c in zip(previous, current, strict=True)]
     for j in range(2, degree + 1):
-        previous, current = current, [
-            2 * s - p for s, p in zip([mp.mpf(0)] + current[:-1], previous, strict=True)
-        ]
+        previous, current = current, [2 * s - p for s, p in zip([mp.mpf(0)] + current[:-1], previous, strict=True)]
         powers = [total + series[j] * c for total, c in zip(powers, current, strict=True)]
     return powers[::-1]
 
