@@ -1,8 +1,10 @@
 """Writes the coefficient tables of `torchms/special.py`: python -m torchms.generate_special (needs mpmath; 5 s).
 
-Each function is multiplied by the power of q = c / (x + c) that makes it tend to a constant, mapped to t = 1 − 2 q in
+Each function is divided by the power of q = c / (x + c) that makes it tend to a constant, mapped to t = 1 − 2 q in
 [−1, 1] (x = 0 is t = −1, x = ∞ is t = 1), interpolated at Chebyshev nodes with 60 digits, truncated in the Chebyshev
-basis and converted to powers of t, highest first. The last table is of erfinv(y) / y over w = −ln(1 − y²).
+basis and converted to powers of t / 2, highest first. The last table is of erfinv(y) / y over w = −ln(1 − y²).
+
+Powers of t / 2, because their coefficients are larger: onnxscript's optimizer drops `+ c` for |c| < 1e-8.
 """
 
 import pathlib
@@ -18,7 +20,7 @@ START, END = "# Tables: begin.", "# Tables: end."
 
 
 def chebyshev(f: Callable[[mp.mpf], mp.mpf], degree: int) -> list[mp.mpf]:
-    """Coefficients, in powers of t (highest first), of the degree-`degree` Chebyshev truncation of f on [−1, 1]."""
+    """Coefficients, in powers of t / 2 (highest first), of the degree-`degree` Chebyshev truncation of f on [−1, 1]."""
     angles = [mp.pi * (k + mp.mpf(1) / 2) / NODES for k in range(NODES)]
     values = [f(mp.cos(a)) for a in angles]
     series = [(2 - (j == 0)) * mp.fdot(values, [mp.cos(j * a) for a in angles]) / NODES for j in range(degree + 1)]
@@ -28,7 +30,7 @@ def chebyshev(f: Callable[[mp.mpf], mp.mpf], degree: int) -> list[mp.mpf]:
     for j in range(2, degree + 1):
         previous, current = current, [2 * s - p for s, p in zip([mp.mpf(0)] + current[:-1], previous, strict=True)]
         powers = [total + series[j] * c for total, c in zip(powers, current, strict=True)]
-    return powers[::-1]
+    return [c * 2**k for k, c in enumerate(powers)][::-1]
 
 
 def erfcx(x: mp.mpf) -> mp.mpf:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.frame import Vec3, normalized
+from torchms.frame import Vec3, dot, normalized
 from torchms.numerics import horizon, safe_sqrt, smallest
 from torchms.special import INV_SQRT_PI, constant, erfcx, erfcx_pair, ierfcx, normal_quantile
 
@@ -58,27 +58,48 @@ class Beckmann(EllipticDistribution):
     """
 
     def normal_density(self, m: Vec3) -> Tensor:
+        slope2, scale = self.density_parts(m)
+        return torch.exp(-slope2) * scale
+
+    def projected_area(self, w: Vec3) -> Tensor:
+        z, below, c2, tail = self.area_parts(w)
+        downward = torch.exp(-c2) * tail
+        return torch.where(below, downward, z + downward)
+
+    def visible_density(self, w: Vec3, m: Vec3) -> Tensor:
+        # D(m) ⟨w, m⟩ / σ(w). Below the horizon D and σ share the factor e^{−c²}, as every visible slope is steeper than
+        # w; without it neither underflows. What is left of σ is too small to divide by only for c > 1e4 or so.
+        slope2, scale = self.density_parts(m)
+        z, below, c2, tail = self.area_parts(w)
+        area = torch.where(below, tail, z + torch.exp(-c2) * tail)
+        cos = dot(w, m)
+        visible = (cos > 0) & (scale > 0) & (area > math.sqrt(smallest(z.dtype)))
+        exponent = torch.where(visible, torch.where(below, c2, 0.0) - slope2, 0.0)
+        density = torch.exp(exponent) * scale * cos / torch.where(visible, area, 1.0)
+        return torch.where(visible, density, 0.0)
+
+    def density_parts(self, m: Vec3) -> tuple[Tensor, Tensor]:
+        """The squared stretched slope of m and D e^{slope²}; 0 and 0 at and below the horizon."""
         # [Walter2007] Eq. 25, stretched: D = exp(−(x²/α_x² + y²/α_y²) / z²) / (π α_x α_y z⁴). Below z = 1e-4 it is 0 in
         # float64, too, as α ≤ 2: exp(−1 / (2 z)²) underflows at z = 0.018.
         ax, ay = self.alphas
         up = m.z > 1e-4
         inverse = 1 / torch.where(up, m.z, 1.0)
         p, q = m.x * inverse / ax, m.y * inverse / ay
-        slope2 = torch.where(up, p * p + q * q, 0.0)
         inverse2 = inverse * inverse
-        density = torch.exp(-slope2) * inverse2 * inverse2 / (constant(math.pi, m.z) * ax * ay)
-        return torch.where(up, density, 0.0)
+        scale = inverse2 * inverse2 / (constant(math.pi, m.z) * ax * ay)
+        return torch.where(up, p * p + q * q, 0.0), torch.where(up, scale, 0.0)
 
-    def projected_area(self, w: Vec3) -> Tensor:
-        # σ = w_z (1 + Λ). With c = |w_z| / ρ, Λ = e^{−c²} (1 / (c √π) − erfcx c) / 2 [Walter2007] = e^{−c²} ierfcx(c) / (2 c) above
-        # the horizon, so σ(w) − w_z = (ρ/2) e^{−c²} ierfcx(c) = σ(−w).
+    def area_parts(self, w: Vec3) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """|w_z|, whether w is below the horizon, c² and what σ(−|w|) is but for its factor e^{−c²}."""
+        # [Walter2007]: Λ = (1 / (c √π) − e^{c²} erfc c) e^{−c²} / 2 above the horizon, with c = |w_z| / ρ, and
+        # σ(w) = w_z (1 + Λ). So σ(w) − w_z = (ρ/2) e^{−c²} ierfcx(c), which is σ(−w).
         s = self.stretched(w)
         below = s.z < 0
         z = torch.where(below, -s.z, s.z)
         rho = safe_sqrt(s.x * s.x + s.y * s.y)
         c = z / rho.clamp_min(horizon(z.dtype))
-        downward = 0.5 * rho * torch.exp(-c * c) * ierfcx(c)
-        return torch.where(below, downward, z + downward)
+        return z, below, c * c, 0.5 * rho * ierfcx(c)
 
     def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
         """A normal with density D(m) ⟨w, m⟩ / σ(w), for `w` anywhere on the sphere.
@@ -89,7 +110,8 @@ class Beckmann(EllipticDistribution):
         """
         s = self.stretched(w)
         rho2 = s.x * s.x + s.y * s.y
-        tilted = rho2 > smallest(rho2.dtype)
+        z2 = torch.where(s.z > 0, s.z * s.z, 0.0)
+        tilted = rho2 > (0.1 * torch.finfo(z2.dtype).eps * z2).clamp_min(smallest(z2.dtype))
         rho = safe_sqrt(rho2)
         inverse = 1 / torch.where(tilted, rho, 1.0)
         cos_phi = torch.where(tilted, s.x * inverse, 1.0)
@@ -97,8 +119,12 @@ class Beckmann(EllipticDistribution):
         g0, g1 = normal_quantile(u0), normal_quantile(u1)
         along = g0 * cos_phi + g1 * sin_phi
         moved = visible_slope(along, rho, s.z) - along
+        # The slope moves by −ρ / (2 w_z) + O(ρ²), opposite to w: at normal incidence no azimuth is needed.
+        polar = ~tilted & (s.z > 0)
+        shift = -0.5 / torch.where(polar, s.z, 1.0)
         ax, ay = self.alphas
-        p, q = g0 + moved * cos_phi, g1 + moved * sin_phi
+        p = g0 + torch.where(polar, shift * s.x, moved * cos_phi)
+        q = g1 + torch.where(polar, shift * s.y, moved * sin_phi)
         # m ∝ (−slope_x, −slope_y, 1).
         return normalized(Vec3(-ax * p, -ay * q, torch.ones_like(p)))
 
@@ -155,23 +181,27 @@ def bounded(d: Tensor, step: Tensor, kappa: Tensor, lower: Tensor) -> Tensor:
 def first_guess(
     problem: SlopeProblem, gauss: Tensor, score: Tensor, at_zero: Tensor, kappa: Tensor, weight: Tensor, i: Tensor
 ) -> Tensor:
-    """Closed forms, exact in the limits κ → −∞, 0, ∞ and at both ends of the distribution."""
+    """Closed forms for d, exact in the limits κ → 0 and κ → ∞ and near F(x) = F(κ).
+
+    weight = e^{−κ²} and i = ierfcx(|κ|).
+    """
     root_pi = constant(math.sqrt(math.pi), gauss)
-    # κ = 0: F(x) / F(0) = e^{−x²}, so d is the score √(−ln Φ). κ < 0: the same near the upper end, where the area that is
-    # missing grows as d² / (2 ρ-scaled total); large κ: d = −gauss.
+    # κ ≤ 0. At κ = 0, F(x) / F(0) = e^{−x²}, so d is the score. At x → κ the missing share is d² / (√π ierfcx(k)). For
+    # k → ∞ it is a Gamma distribution: F(x) / F(κ) = (1 + 2 k d) e^{−2 k d}.
     root = torch.sqrt(root_pi * i)
     descending = score * root * (1 + 0.5 * problem.k * root * score)
+    # κ > 0, x < 0: d = score − κ / (1 + 0.9 score) for a small κ, d = −gauss for a large one.
     span = score + gauss
     left = score - span * kappa / (kappa + span * (1 + 0.9 * score))
-    # From above: the parabola of a small κ, and the Gaussian of a large one.
+    # κ > 0, x ≥ 0: the parabola (κ − x)² of a small κ, the Gaussian of a large one. The gap κ − x is at most that of a
+    # density e^{−s²} held at e^{−κ²}, which is exact at its end.
     share = problem.target / (problem.total - at_zero).clamp_min(smallest(gauss.dtype))
     parabola = kappa * (1 - safe_sqrt(share.clamp(0, 1)))
     g = gauss.clamp_min(0)
     p2, g2 = parabola * parabola, g * g
     right = parabola * g / torch.sqrt(torch.sqrt(p2 * p2 + g2 * g2)).clamp_min(smallest(gauss.dtype))
-    # The gap is at most that of a density cut off at its value at κ, which is exact at the end.
-    end = torch.sqrt(root_pi * problem.target / (problem.rho * weight).clamp_min(smallest(gauss.dtype)))
-    right = torch.maximum(right, kappa - end)
+    gap = torch.sqrt(root_pi * problem.target / (problem.rho * weight).clamp_min(smallest(gauss.dtype)))
+    right = torch.maximum(right, kappa - gap)
     guess = torch.where(problem.lower, torch.where(problem.top > 0, left, descending), right)
     return guess.clamp_min(smallest(gauss.dtype))
 
