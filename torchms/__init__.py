@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from torchms import fresnel, lobes, microsurface
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
     from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
-    from torchms.estimators import HeightWalk, Scattering, SingleBounce, Unidirectional
+    from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
     from torchms.paths.segment import Correlated, Invariance, Segment, Uncorrelated
 
 _HOME = {
@@ -23,6 +23,7 @@ _HOME = {
     "Beckmann": "distributions",
     "GGX": "distributions",
     "MicrofacetDistribution": "distributions",
+    "Bidirectional": "estimators",
     "HeightWalk": "estimators",
     "Scattering": "estimators",
     "SingleBounce": "estimators",
@@ -38,6 +39,7 @@ __all__ = [
     "BSDF",
     "GGX",
     "Beckmann",
+    "Bidirectional",
     "Correlated",
     "HeightWalk",
     "Invariance",

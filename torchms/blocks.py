@@ -12,6 +12,7 @@ from torch import Tensor
 
 from torchms.frame import Vec3
 from torchms.module import Parametric, bound
+from torchms.sampling.stream import Stream
 
 BLOCK = 8192
 """Rows × paths that are evaluated at a time."""
@@ -47,11 +48,11 @@ def _numbers(u: Tensor | None, batch_ndim: int) -> tuple[Tensor, ...]:
     return u.permute(-1, -2, *range(batch_ndim)).unbind(0)
 
 
-def batch_shape(module: Parametric, directions: Sequence[Tensor], u: Tensor | None) -> torch.Size:
+def batch_shape(module: Parametric, directions: Sequence[Tensor], u: Tensor | Stream | None) -> torch.Size:
     """The shape to which directions, random numbers and per-pixel parameters broadcast; ValueError if they do not."""
     shapes = [d.shape[:-1] for d in directions]
     if u is not None:
-        shapes.append(u.shape[:-2])
+        shapes.append(u.batch_shape if isinstance(u, Stream) else u.shape[:-2])
     shapes += module.parameter_batch_shapes()
     try:
         return torch.broadcast_shapes(*shapes)
@@ -66,7 +67,7 @@ def batch_shape(module: Parametric, directions: Sequence[Tensor], u: Tensor | No
 
 
 def run(
-    kernel: Kernel, module: Any, directions: Sequence[Tensor], u: Tensor | None, *, per_path: bool = False
+    kernel: Kernel, module: Any, directions: Sequence[Tensor], u: Tensor | Stream | None, *, per_path: bool = False
 ) -> tuple[Tensor, ...]:
     """`kernel(module, *directions, numbers)` over blocks of rows and paths.
 
@@ -76,12 +77,17 @@ def run(
     batch = batch_shape(module, directions, u)
     if torch.compiler.is_compiling():
         nb = len(batch)
-        outputs = kernel(module, *_components(directions, nb), _numbers(u, nb))
+        if isinstance(u, Stream):
+            numbers = u.numbers(u.seeds(batch, directions[0].device), module.n_uniforms, module.dtype)
+        else:
+            numbers = _numbers(u, nb)
+        outputs = kernel(module, *_components(directions, nb), numbers)
         return tuple(_surfaced(out, batch, per_path) for out in outputs)
 
-    n_rows, n_paths = batch.numel(), 1 if u is None else u.shape[-2]
+    n_rows = batch.numel()
+    n_paths = 1 if u is None else u.n_paths if isinstance(u, Stream) else u.shape[-2]
     flat_directions = [_rows(d, batch, 1) for d in directions]
-    flat_u = None if u is None else _rows(u, batch, 2)
+    flat_u = _rows(u, batch, 2) if isinstance(u, Tensor) else None
     mapped = any(shape.numel() != 1 for shape in module.parameter_batch_shapes())
     flat = bound(module, lambda p, channels: _flat_parameter(p, batch, channels))
 
@@ -92,12 +98,16 @@ def run(
         rows = slice(a, min(a + row_step, n_rows))
         here = bound(flat, lambda p, channels: _slice_parameter(p, rows, channels)) if mapped else flat
         some = _components([d if len(d) == 1 != n_rows else d[rows] for d in flat_directions], 1)
+        seeds = u.block(batch, rows, directions[0].device) if isinstance(u, Stream) else None
         for b in range(0, max(n_paths, 1), path_step):
             paths = slice(b, min(b + path_step, n_paths))
-            part = None
             if flat_u is not None:
-                part = (flat_u if len(flat_u) == 1 != n_rows else flat_u[rows])[:, paths]
-            blocks.add(kernel(here, *some, _numbers(part, 1)), rows, paths)
+                numbers = _numbers((flat_u if len(flat_u) == 1 != n_rows else flat_u[rows])[:, paths], 1)
+            elif isinstance(u, Stream) and seeds is not None:
+                numbers = u.numbers(seeds, module.n_uniforms, module.dtype, paths)
+            else:
+                numbers = ()
+            blocks.add(kernel(here, *some, numbers), rows, paths)
     return tuple(out.reshape(*batch, *out.shape[1:]) for out in blocks.results())
 
 

@@ -15,6 +15,7 @@ from torchms.module import Parametric
 from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
+from torchms.sampling.stream import Stream
 from torchms.typing import Direction, Orders, Scalar, Spectrum, Uniforms
 
 
@@ -116,7 +117,7 @@ class BSDF(Parametric):
             batch_shape, n_paths, self.n_uniforms, generator=generator, sequence=sequence, dtype=self.dtype
         )
 
-    def forward(self, wi: Direction, wo: Direction, u: Uniforms | None = None) -> Spectrum:
+    def forward(self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None) -> Spectrum:
         """f(wi, wo) · |cos θ_o| [1/sr], summed over the orders, mean over the N paths of `u`.
 
         `u` may be left out where the scattering is deterministic. Rows on a side that the surface does not serve are 0.
@@ -125,12 +126,12 @@ class BSDF(Parametric):
         numbers = self._check(wi, wo, u, self.scattering.is_deterministic(self.vertex), "forward")
         return blocks.run(_forward, self, (wi, wo), numbers)[0]
 
-    def orders(self, wi: Direction, wo: Direction, u: Uniforms | None = None) -> Orders:
+    def orders(self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None) -> Orders:
         """f(wi, wo) · |cos θ_o| [1/sr] of each order: `[..., k - 1, :]` after exactly k bounces; `forward` is the sum."""
         numbers = self._check(wi, wo, u, self.scattering.is_deterministic(self.vertex), "orders")
         return blocks.run(_orders, self, (wi, wo), numbers)[0]
 
-    def sample(self, wi: Direction, u: Uniforms) -> DirectionSample:
+    def sample(self, wi: Direction, u: Uniforms | Stream) -> DirectionSample:
         """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
 
         For a `wi` on a side that the surface does not serve, pdf = 0.
@@ -143,7 +144,7 @@ class BSDF(Parametric):
         self._check(wi, wo, None, True, "pdf")
         return blocks.run(_pdf, self, (wi, wo), None)[0]
 
-    def sample_walk(self, wi: Direction, u: Uniforms) -> WalkSample:
+    def sample_walk(self, wi: Direction, u: Uniforms | Stream) -> WalkSample:
         """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
 
         Its expectation is that of the model in the scattering slot.
@@ -152,7 +153,7 @@ class BSDF(Parametric):
         wo, weight, order = blocks.run(_walk, self, (wi,), u, per_path=True)
         return WalkSample(wo, weight, order.to(torch.int64))
 
-    def albedo(self, wi: Direction, u: Uniforms) -> Albedo:
+    def albedo(self, wi: Direction, u: Uniforms | Stream) -> Albedo:
         """Share of the energy from `wi` that leaves after each order, on either side; mean over the N paths.
 
         No η² factor, whatever the mode.
@@ -160,7 +161,9 @@ class BSDF(Parametric):
         self._check(wi, None, u, False, "albedo")
         return Albedo(*blocks.run(_albedo, self, (wi,), u))
 
-    def _check(self, wi: Tensor, wo: Tensor | None, u: Tensor | None, optional: bool, caller: str) -> Tensor | None:
+    def _check(
+        self, wi: Tensor, wo: Tensor | None, u: Tensor | Stream | None, optional: bool, caller: str
+    ) -> Tensor | Stream | None:
         """Raise if an argument does not fit; the random numbers to use."""
         for name, w in (("wi", wi), ("wo", wo)):
             if w is None:
@@ -176,10 +179,13 @@ class BSDF(Parametric):
                 return None
             raise ValueError(
                 f"{caller}() needs random numbers: u is missing. "
-                f"Draw them with u = bsdf.uniforms(batch_shape, n_paths), which gives (*batch, N, {D})."
+                f"Draw them with u = bsdf.uniforms(batch_shape, n_paths), which gives (*batch, N, {D}), "
+                "or give a Stream(seed, n_paths)."
             )
+        if isinstance(u, Stream):
+            return None if optional else u
         if not isinstance(u, Tensor) or not u.is_floating_point():
-            raise TypeError(f"u must be a floating-point Tensor (*batch, N, {D}); got {_kind(u)}.")
+            raise TypeError(f"u must be a Stream or a floating-point Tensor (*batch, N, {D}); got {_kind(u)}.")
         if u.ndim < 2 or u.shape[-1] != D or u.shape[-2] < 1:
             raise ValueError(
                 f"u must be (*batch, N, D) with N >= 1 and D = {D} for this BSDF; got shape {tuple(u.shape)}. "

@@ -6,6 +6,7 @@ It is finite at the horizon, where λ is not, and Σ_k e_k = 1 for each model, s
 """
 
 from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -17,17 +18,22 @@ from torchms.special import log_beta_step
 from torchms.typing import Scalar
 
 
+Joiner = Callable[[int, int, Tensor | None], Tensor]
+
+
 class Leg(NamedTuple):
     """One direction of propagation, in the frame of the side it runs on.
 
     lam: |Λ(d)|. up: whether d points above the horizon. crossed: whether the ray changed side to take this direction
-    (None where no facet transmits). number: a uniform number for models that draw a height, else None.
+    (None where no facet transmits). number: a uniform number for models that draw a height, else None. back: |Λ(−d)|,
+    for walks that are joined with another one.
     """
 
     lam: Tensor
     up: Tensor
     crossed: Tensor | None = None
     number: Tensor | None = None
+    back: Tensor | None = None
 
 
 class Segment(nn.Module):
@@ -51,6 +57,15 @@ class Segment(nn.Module):
     @abstractmethod
     def extend(self, state: Any, leg: Leg) -> Any:
         """State after `leg` was taken and blocked."""
+
+    def joiner(self, forward: Sequence[Leg], backward: Sequence[Leg], monotone: bool) -> Joiner:
+        """The segment terms of all paths that go s legs of `forward` and then t legs of `backward`, reversed.
+
+        forward: d_0 … along the light from wi; backward: e_0 … along a walk from wo, so that the joined path is
+        d_0 … d_s, −e_t … −e_0. The function takes s, t and whether the joining facet was crossed, and returns
+        λ_0 ⋯ λ_s · μ_0 ⋯ μ_t · S with μ = |Λ(e)|: finite at the horizon.
+        """
+        raise TypeError(f"{type(self).__name__} has no closed segment term, so walks cannot be joined with it.")
 
     def forward(self, Lambda: Scalar) -> Scalar:
         """The segment term S of a reflected path [1], from the signed Λ(d_0) … Λ(d_k) on the last axis (k ≥ 1).
@@ -85,6 +100,17 @@ class Uncorrelated(Segment):
     def extend(self, state: Tensor, leg: Leg) -> Tensor:
         return state * torch.where(leg.up, leg.lam / (1 + leg.lam), 1.0)
 
+    def joiner(self, forward: Sequence[Leg], backward: Sequence[Leg], monotone: bool) -> Joiner:
+        # Every direction has a factor of its own, the same read from either end; those of wi and wo cancel.
+        ahead, behind = self._products(forward, monotone), self._products(backward, monotone)
+        return lambda s, t, crossed: ahead[s] * behind[t]
+
+    def _products(self, legs: Sequence[Leg], monotone: bool) -> list[Tensor]:
+        states = [self.start(legs[0], monotone)]
+        for leg in legs[1:]:
+            states.append(self.extend(states[-1], leg))
+        return states
+
 
 class CorrelatedState(NamedTuple):
     stay: Tensor
@@ -116,6 +142,37 @@ class Correlated(Segment):
             stays = torch.where(leg.crossed, -expm1(log_beta_step(state.a, leg.lam)), stays)
         return CorrelatedState(state.stay * torch.where(leg.up, stays, 1.0), leg.lam)
 
+    def joiner(self, forward: Sequence[Leg], backward: Sequence[Leg], monotone: bool) -> Joiner:
+        # With a_l = λ_{l−1}, λ_0 ⋯ λ_{k−1} · S = stay_1 ⋯ stay_{k−1} · escape_k. The legs that come from the other walk
+        # have brought μ_t ⋯ μ_0 instead of the λ of the same directions.
+        states = [self.start(forward[0], monotone)]
+        for leg in forward[1:]:
+            states.append(self.extend(states[-1], leg))
+        behind = [torch.ones_like(backward[0].lam)]
+        for i in range(1, len(backward)):
+            came_from = backward[i].back
+            assert came_from is not None
+            behind.append(behind[-1] * self._reversed_leg(came_from, backward, i - 1, backward[i].crossed))
+        return lambda s, t, crossed: (
+            states[s].stay * self._reversed_leg(states[s].a, backward, t, crossed) * behind[t]
+        )
+
+    def _reversed_leg(self, a: Tensor, backward: Sequence[Leg], i: int, crossed: Tensor | None) -> Tensor:
+        """The factor of direction −e_i, reached from a facet with a(w) = `a`, times μ_i and, if i > 0, over |Λ(−e_i)|."""
+        leg = backward[i]
+        assert leg.back is not None
+        if i == 0:
+            leaves = escape_correlated(a, leg.back)
+            if crossed is not None:
+                leaves = torch.where(crossed, escape_transmitted(a, leg.back), leaves)
+            return leg.lam * leaves
+        stays = safe_div(leg.lam, a + leg.back)
+        if crossed is not None:
+            through = -expm1(log_beta_step(a, leg.back))
+            stays = torch.where(crossed, safe_div(leg.lam * through, leg.back), stays)
+        # −e_i points up where e_i points down.
+        return torch.where(leg.up, safe_div(leg.lam, leg.back), stays)
+
 
 class InvarianceState(NamedTuple):
     legs: tuple[Leg, ...]
@@ -145,6 +202,58 @@ class Invariance(Segment):
         return InvarianceState(
             (*state.legs, leg), (*state.columns, self._column(state, leg)), state.monotone
         )
+
+    def joiner(self, forward: Sequence[Leg], backward: Sequence[Leg], monotone: bool) -> Joiner:
+        # The term is reciprocal, so that sub-paths within either walk are its own columns. What crosses the join is
+        # T(i, a) = λ_i ⋯ λ_s · μ_a ⋯ μ_t · S(d_i … d_s, −e_t … −e_a), from the inside out. What a cell is multiplied by
+        # does not depend on where the walks are joined.
+        ahead, behind = self._columns(forward, monotone), self._columns(backward, monotone)
+        weights: dict[tuple[int, int], Tensor] = {}
+
+        def weight(i: int, a: int) -> Tensor:
+            """1 / (λ_i + Λ(−e_a)), zero unless d_i and e_a both point down."""
+            if (i, a) not in weights:
+                below = forward[i].lam + backward[a].back
+                downward = [~leg.up for leg, index in ((forward[i], i), (backward[a], a)) if index > 0]
+                if downward:
+                    counts = downward[0] if len(downward) == 1 else downward[0] & downward[1]
+                    weights[i, a] = torch.where(counts, 1 / torch.where(counts, below, 1.0), 0.0)
+                else:
+                    weights[i, a] = 1 / below
+            return weights[i, a]
+
+        def join(s: int, t: int, crossed: Tensor | None) -> Tensor:
+            cells: dict[tuple[int, int], Tensor] = {}
+            last = forward[s].lam * backward[t].lam
+            for i in range(s, -1, -1):
+                for a in range(t, -1, -1):
+                    total = None
+                    # Splits behind d_m in the first walk; the one behind d_s parts the two walks.
+                    for m in range(i, s + 1) if not monotone else sorted({i, s} if a == t else {i}):
+                        if m < s:
+                            term = forward[m].lam * cells[m + 1, a]
+                        else:
+                            term = last if a == t else last * behind[t][a]
+                        if m > i:
+                            term = term * ahead[m][i]
+                        total = term if total is None else total + term
+                    # Splits behind −e_b in the second walk.
+                    for b in range(a + 1, t + 1) if not monotone else range(a + 1, min(a + 2, t + 1)):
+                        term = backward[b - 1].lam * cells[i, b]
+                        if b - 1 > a:
+                            term = term * behind[b - 1][a]
+                        total = term if total is None else total + term
+                    assert total is not None
+                    cells[i, a] = weight(i, a) * total
+            return cells[0, 0]
+
+        return join
+
+    def _columns(self, legs: Sequence[Leg], monotone: bool) -> tuple[tuple[Tensor, ...], ...]:
+        state = self.start(legs[0], monotone)
+        for leg in legs[1:]:
+            state = self.extend(state, leg)
+        return state.columns
 
     def _column(self, state: InvarianceState, leg: Leg) -> tuple[Tensor, ...]:
         """The normalised terms of d_i … d_{j−1}, leg for every i.

@@ -18,7 +18,7 @@ from torchms.frame import Vec3, dot, half_vector, normalized, orthonormal_basis,
 from torchms.fresnel.base import Fresnel
 from torchms.fresnel.dielectric import fresnel_dielectric
 from torchms.module import channels_first
-from torchms.numerics import horizon, safe_div, smallest
+from torchms.numerics import safe_div, smallest
 from torchms.sampling.warps import cosine_hemisphere
 
 
@@ -32,6 +32,25 @@ class Bounce(NamedTuple):
     weight: Tensor
     crossed: Tensor | None = None
     side: Tensor | None = None
+
+
+class View(NamedTuple):
+    """A direction in which a facet is seen, in the frame of its own side: what one of two joined walks brings.
+
+    area: σ(direction). normal: the facet drawn for this view, where one was. side: ±1, None where no facet transmits.
+    """
+
+    direction: Vec3
+    area: Tensor
+    normal: Vec3 | None
+    side: Tensor | None
+
+
+class Densities(NamedTuple):
+    """Densities of sampling a facet's two directions from each other: x → y and y → x [1/sr]."""
+
+    forward: Tensor
+    backward: Tensor
 
 
 class Vertex(ABC):
@@ -57,6 +76,14 @@ class Vertex(ABC):
     @abstractmethod
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
         """Density [1/sr] of the direction that `visible_normal` and `sample` give together."""
+
+    @abstractmethod
+    def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
+        """What the balance heuristic takes for the densities between two views of one facet."""
+
+    @abstractmethod
+    def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
+        """v(x, y) / (a(x) σ(y)), (C, …), for light that came from x and leaves towards y; may be an estimate."""
 
     def value(self, w: Vec3, d: Vec3, normal: Vec3 | None = None, side: Tensor | None = None) -> Tensor:
         """The vertex term v(w, d) of THEORY section 4, (C, …)."""
@@ -95,6 +122,14 @@ class Mirror(Vertex):
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
         return reflection_density(self.distribution, w, half_vector(w, d))
 
+    def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
+        D = self.distribution.normal_density(half_vector(x.direction, y.direction)) / 4
+        return Densities(D / x.area, D / y.area)
+
+    def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
+        h = half_vector(x.direction, y.direction)
+        return self.fresnel.reflectance(dot(x.direction, h)) * (densities.forward / y.area)
+
 
 @dataclass(frozen=True)
 class Refractive(Vertex):
@@ -131,6 +166,17 @@ class Refractive(Vertex):
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
         side = torch.ones_like(w.z) if side is None else side
         return self.transport(w, d, side, d.z < 0)
+
+    def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
+        assert crossed is not None and x.side is not None
+        d = select(crossed, -y.direction, y.direction)
+        forward = self.transport(x.direction, d, x.side, crossed)
+        # v(x, y) |x_z| = η² v(y, x) |y_z|, with η = 1 for a reflection.
+        eta = torch.where(crossed, self.relative_eta(x.side), 1.0)
+        return Densities(forward, forward * x.area / (y.area * eta * eta))
+
+    def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
+        return (densities.forward / y.area)[None]
 
     def transport(self, w: Vec3, d: Vec3, side: Tensor, transmitted: Tensor) -> Tensor:
         """Density of reflecting, or where `transmitted` of refracting, w into d, whatever side of the horizon d is on.
@@ -191,6 +237,15 @@ class Diffuse(Vertex):
         return total / (math.pi * nodes * nodes)
 
 
-def facing_up(d: Vec3) -> Tensor:
-    """Whether `d` points above the horizon, by more than the least cosine that a division sees."""
-    return d.z > horizon(d.z.dtype)
+    def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
+        # Any positive numbers serve as weights. These are the densities of facets that are seen by x and by y
+        # independently of each other, ∫⟨x, m⟩⟨y, m⟩ D dm / π ≈ σ(x) σ(y) / π.
+        return Densities(y.area / math.pi, x.area / math.pi)
+
+    def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
+        # Two estimates of the same symmetric number, ⟨y, m_x⟩ / σ(y) and ⟨x, m_y⟩ / σ(x), weighted by their σ, so that a
+        # view that sees next to nothing does not blow up.
+        assert x.normal is not None and y.normal is not None
+        facing = dot(y.direction, x.normal).clamp_min(0) + dot(x.direction, y.normal).clamp_min(0)
+        return channels_first(self.albedo, facing.ndim) * (facing / (math.pi * (x.area + y.area)))
+

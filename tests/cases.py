@@ -1,0 +1,137 @@
+"""The tables that the laws run over: a new class is one line here, and every law holds it to account."""
+
+import functools
+import itertools
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+import torchms
+from torchms import (
+    BSDF,
+    GGX,
+    Beckmann,
+    Correlated,
+    HeightWalk,
+    Invariance,
+    MicrofacetDistribution,
+    RoughConductor,
+    RoughDielectric,
+    RoughDiffuse,
+    Scattering,
+    Segment,
+    SingleBounce,
+    Uncorrelated,
+    Unidirectional,
+)
+from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
+
+DISTRIBUTIONS: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
+
+SEGMENTS: dict[str, type[Segment]] = {
+    "uncorrelated": Uncorrelated,
+    "correlated": Correlated,
+    "invariance": Invariance,
+}
+
+SCATTERINGS: dict[str, Callable[[int], Scattering]] = {
+    "single": lambda max_order: SingleBounce(),
+    **{name: lambda max_order, s=segment: Unidirectional(s(), max_order) for name, segment in SEGMENTS.items()},
+    "height-walk": HeightWalk,
+}
+
+FRESNELS: dict[str, Callable[[], Fresnel]] = {
+    "ideal": Ideal,
+    "conductor": lambda: Conductor([0.2, 0.9, 1.2], [3.9, 2.5, 2.2]),
+    "schlick": lambda: Schlick([0.04, 0.5, 1.0]),
+}
+"""What a conductor's slot takes. (`Dielectric` fits too; its law is that of glass.)"""
+
+MATERIALS: dict[str, Callable[[MicrofacetDistribution, Scattering], BSDF]] = {
+    **{
+        f"conductor[{name}]": lambda d, s, fresnel=fresnel: RoughConductor(d, fresnel(), s)
+        for name, fresnel in FRESNELS.items()
+    },
+    "dielectric": lambda d, s: RoughDielectric(d, Dielectric(1.5), s, "importance"),
+    "dielectric[radiance]": lambda d, s: RoughDielectric(d, Dielectric(1.5), s),
+    "diffuse": lambda d, s: RoughDiffuse(d, [0.2, 0.6, 1.0], s),
+    "diffuse[white]": lambda d, s: RoughDiffuse(d, 1.0, s),
+}
+
+LOSSLESS = {"conductor": "conductor[ideal]", "dielectric": "dielectric", "diffuse": "diffuse[white]"}
+"""The materials of the reference tables and of the white furnace."""
+
+ONE_OF_EACH = ["conductor[conductor]", "dielectric", "diffuse"]
+
+ALPHAS: dict[str, tuple[float, ...]] = {"0.05": (0.05,), "0.25": (0.25,), "1": (1.0,), "1,0.1": (1.0, 0.1)}
+ANGLES = (0.0, 0.5, 1.0, 1.5)
+
+TOLERANCES = {torch.float32: (1e-5, 1e-6), torch.float64: (1e-12, 1e-14)}
+"""The one table of (rtol, atol) for numbers that are equal but for rounding."""
+
+
+def bsdf(
+    material: str,
+    scattering: str,
+    distribution: str = "ggx",
+    alpha: tuple[float, ...] = (0.7, 0.3),
+    max_order: int = 4,
+    dtype: torch.dtype = torch.float64,
+) -> BSDF:
+    """The BSDF of these names, with buffers of `dtype`."""
+    facets = DISTRIBUTIONS[distribution](*alpha)
+    return MATERIALS[material](facets, SCATTERINGS[scattering](max_order)).to(dtype)
+
+
+@functools.cache
+def serves(material: str, scattering: str) -> bool:
+    """Whether the material takes that scattering; which ones it must refuse is a test of its own."""
+    try:
+        bsdf(material, scattering)
+    except ValueError:
+        return False
+    return True
+
+
+def models(
+    materials: Iterable[str] = ONE_OF_EACH, scatterings: Iterable[str] = SCATTERINGS
+) -> pytest.MarkDecorator:
+    """Parametrize over material × scattering, as far as the one takes the other."""
+    pairs = [(m, s) for m, s in itertools.product(materials, scatterings) if serves(m, s)]
+    return pytest.mark.parametrize("material,scattering", pairs, ids=["-".join(pair) for pair in pairs])
+
+
+def each(name: str, table: Iterable[Any]) -> pytest.MarkDecorator:
+    """Parametrize over the keys of a table."""
+    return pytest.mark.parametrize(name, list(table))
+
+
+def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:
+    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
+    return torch.tensor(
+        [math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta)], dtype=dtype
+    )
+
+
+def directions(
+    n: int, generator: torch.Generator, least_cos: float = -1.0, dtype: torch.dtype = torch.float64
+) -> Tensor:
+    """`n` directions (n, 3), uniform over the part of the sphere where cos θ ≥ `least_cos`."""
+    z = least_cos + (1 - least_cos) * torch.rand(n, generator=generator, dtype=torch.float64)
+    phi = 2 * math.pi * torch.rand(n, generator=generator, dtype=torch.float64)
+    r = (1 - z * z).clamp_min(0).sqrt()
+    return torch.stack([r * phi.cos(), r * phi.sin(), z], -1).to(dtype)
+
+
+def transmits(material: str) -> bool:
+    """Whether light gets through."""
+    return isinstance(bsdf(material, "single"), torchms.RoughDielectric)
+
+
+def sides(material: str) -> tuple[float, ...]:
+    """Signs of cos θ_i that the material serves."""
+    return (1.0, -1.0) if transmits(material) else (1.0,)

@@ -1,0 +1,75 @@
+"""What all tests share: one seed, one significance budget, and a way to see messages behind the type checks."""
+
+import zlib
+from collections.abc import Callable, Iterator
+
+import jaxtyping
+import pytest
+import torch
+
+from torchms.testing import combined, sidak
+
+SEED = 20261122
+"""A changed seed is a bug report, not a fix."""
+
+FAMILY_LEVEL = 1e-3
+"""Probability that the suite, slow tests included, fails somewhere although every law holds."""
+
+STATISTICAL_TESTS = 2000
+"""Room for so many statistical tests (items that use `budget`); collection fails when there are more."""
+
+LEVEL = sidak(FAMILY_LEVEL, STATISTICAL_TESTS)
+
+# The kernels work on blocks that are too small to be worth sharing; xdist is what uses the cores.
+torch.set_num_threads(1)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    statistical = sum("budget" in getattr(item, "fixturenames", ()) for item in items)
+    if statistical > STATISTICAL_TESTS:
+        raise pytest.UsageError(f"{statistical} statistical tests share a budget for {STATISTICAL_TESTS}: raise it.")
+
+
+class Budget:
+    """One statistical test's share of the significance: to be called once, with all its p-values."""
+
+    def __init__(self) -> None:
+        self.spent = False
+
+    def __call__(self, p_values: torch.Tensor, label: Callable[[int], object] = lambda index: index) -> None:
+        """Fail if the least of the p-values is too small for so many; `label(i)` names the i-th in the message."""
+        assert not self.spent, "a statistical test has one share of the budget: give it all p-values at once"
+        self.spent = True
+        p_values = torch.as_tensor(p_values, dtype=torch.float64).reshape(-1)
+        p = combined(p_values)
+        worst = int(p_values.nan_to_num(0).argmin())
+        assert p > LEVEL, (
+            f"p = {p:.2g} for {p_values.numel()} comparisons, the level is {LEVEL:.2g}; "
+            f"worst: {label(worst)} with p = {float(p_values[worst]):.2g}"
+        )
+
+
+@pytest.fixture
+def budget() -> Budget:
+    """Every comparison with statistical noise is judged by this."""
+    return Budget()
+
+
+@pytest.fixture
+def seed(request: pytest.FixtureRequest) -> int:
+    """A number of this test's own, the same in every run."""
+    return SEED + zlib.crc32(request.node.nodeid.encode())
+
+
+@pytest.fixture
+def generator(seed: int) -> torch.Generator:
+    """Random numbers of this test's own, the same in every run."""
+    return torch.Generator().manual_seed(seed)
+
+
+@pytest.fixture
+def messages() -> Iterator[None]:
+    """Without the types' run-time checks, which would answer before torchms does: what a user sees."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)

@@ -1,0 +1,7 @@
+"""`python -m torchms`."""
+
+import sys
+
+from torchms.cli import main
+
+sys.exit(main())

@@ -1,0 +1,45 @@
+"""The command line: `torchms` or `python -m torchms`."""
+
+import sys
+from collections.abc import Callable
+from importlib import import_module
+
+import tyro
+
+from torchms.cli_options import EnergyOptions
+
+COMMANDS: dict[str, tuple[type, str]] = {
+    "energy": (EnergyOptions, "torchms.lobes.energy:run_energy"),
+}
+"""Name of a command, its options, and the function that runs it, imported only then."""
+
+
+def _function(path: str) -> Callable[[object], None]:
+    module, name = path.split(":")
+    return getattr(import_module(module), name)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; the exit code is 0, 2 for arguments that do not fit, 130 when interrupted."""
+    options = tyro.extras.subcommand_cli_from_dict(
+        {name: options for name, (options, _) in COMMANDS.items()},
+        prog="torchms",
+        description="Multiple-bounce microfacet BSDFs: energies, simulations and pictures.",
+        args=arguments,
+    )
+    run = next(path for kind, path in COMMANDS.values() if isinstance(options, kind))
+    try:
+        _function(run)(options)
+    except (ValueError, TypeError, OSError) as error:
+        print(f"torchms: error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("torchms: interrupted; nothing was written.", file=sys.stderr)
+        return 130
+    return 0
+
+
+
+
+if __name__ == "__main__":
+    sys.exit(main())

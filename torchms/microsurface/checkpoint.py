@@ -1,0 +1,97 @@
+"""Finished shards on disk: a directory with one configuration and one atomic file a shard."""
+
+import json
+import warnings
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from torchms.microsurface.mesh import write_atomic
+from torchms.microsurface.plan import Partial, Plan, Shard
+
+CONFIGURATION = "configuration.json"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where the shards of one `Plan` are kept. Several processes may use one directory; a shard is written whole or not."""
+
+    directory: Path
+    plan: Plan
+
+    @staticmethod
+    def open(directory: Path, plan: Plan) -> "Checkpoint":
+        """The checkpoint in `directory`, made if need be.
+
+        Raises ValueError that names each difference if it belongs to another configuration, OSError if it cannot be made.
+        """
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            raise NotADirectoryError(
+                f"simulate(checkpoint=...) must be a directory; {directory} or one above it is a file."
+            ) from error
+        mine = json.loads(json.dumps(plan.configuration()))
+        path = directory / CONFIGURATION
+        if not path.exists():
+            if any(directory.glob("shard-*.npz")):
+                raise ValueError(
+                    f"simulate(checkpoint=...): {directory} holds shards but no {CONFIGURATION}; nobody can tell what they "
+                    "belong to. Name an empty directory."
+                )
+            # Workers that start together write the same bytes.
+            content = json.dumps(mine, indent=1).encode()
+            write_atomic(path, lambda file: file.write(content), force=True)
+            return Checkpoint(directory, plan)
+        try:
+            theirs = json.loads(path.read_text())
+        except ValueError as error:
+            raise ValueError(f"simulate(checkpoint=...): {path} is not JSON ({error}). Name another directory.") from error
+        different = differences(theirs, mine)
+        if different:
+            raise ValueError(
+                f"simulate(checkpoint=...): {directory} belongs to another configuration. It has "
+                + "; ".join(f"{key} = {a} where this run has {b}" for key, a, b in different)
+                + ". Name another directory, or run with its configuration."
+            )
+        return Checkpoint(directory, plan)
+
+    def path(self, shard: Shard) -> Path:
+        """File of one shard."""
+        return self.directory / f"shard-{shard.number:06d}.npz"
+
+    def save(self, shard: Shard, found: Partial) -> None:
+        """Keep one finished shard."""
+        write_atomic(self.path(shard), lambda file: np.savez_compressed(file, **found.arrays()), force=True)
+
+    def load(self, shard: Shard) -> Partial | None:
+        """A finished shard, or None if it has to be traced (an unreadable file is reported, and traced again)."""
+        path = self.path(shard)
+        if not path.exists():
+            return None
+        expected = Partial.zeros(1, 1, self.plan.max_order, self.plan.material.channels, self.plan.lobes).arrays()
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in expected}
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            warnings.warn(f"Checkpoint: {path} cannot be read ({error}); the shard is traced again.", stacklevel=2)
+            return None
+        for name, array in expected.items():
+            if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
+                warnings.warn(f"Checkpoint: {path} is not of this plan; the shard is traced again.", stacklevel=2)
+                return None
+        return Partial(**arrays)
+
+
+def differences(theirs: Any, mine: Any, key: str = "") -> list[tuple[str, Any, Any]]:
+    """Dotted keys at which two configurations differ, with both values."""
+    if isinstance(theirs, dict) and isinstance(mine, dict):
+        out = []
+        for name in [*theirs, *(n for n in mine if n not in theirs)]:
+            inner = f"{key}.{name}" if key else name
+            out += differences(theirs.get(name, "nothing"), mine.get(name, "nothing"), inner)
+        return out
+    return [] if theirs == mine else [(key, theirs, mine)]

@@ -1,0 +1,194 @@
+"""Heightfields as triangle meshes and as files: trimesh, 16-bit images, .npy."""
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from torchms.microsurface.heightfield import Heightfield
+
+MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
+
+
+def triangle_indices(nx: int, ny: int) -> np.ndarray:
+    """(2 · nx · ny, 3) int32 vertex numbers of the facets over (nx + 1)(ny + 1) vertices, cell by cell.
+
+    Facet 2c is the half of cell c = i · ny + j with vertices (i, j), (i + 1, j), (i, j + 1); 2c + 1 is the other half.
+    """
+    first = (np.arange(nx, dtype=np.int32)[:, None] * (ny + 1) + np.arange(ny, dtype=np.int32)).ravel()
+    faces = np.empty((nx * ny, 2, 3), dtype=np.int32)
+    faces[:, 0] = first[:, None] + np.array([0, ny + 1, 1], dtype=np.int32)
+    faces[:, 1] = first[:, None] + np.array([ny + 2, 1, ny + 1], dtype=np.int32)
+    return faces.reshape(-1, 3)
+
+
+def mesh_of_grid(heights: np.ndarray, spacing: tuple[float, float]) -> "trimesh.Trimesh":
+    """The mesh over a full grid of vertices (nothing wraps here)."""
+    trimesh = import_trimesh()
+    nx, ny = heights.shape
+    vertices = np.empty((nx, ny, 3))
+    vertices[..., 0] = (np.arange(nx) * spacing[0])[:, None]
+    vertices[..., 1] = np.arange(ny) * spacing[1]
+    vertices[..., 2] = heights
+    return trimesh.Trimesh(vertices.reshape(-1, 3), triangle_indices(nx - 1, ny - 1), process=False, validate=False)
+
+
+def grid_of_mesh(mesh: "trimesh.Trimesh") -> tuple[np.ndarray, tuple[float, float]]:
+    """Heights and spacing of a mesh that is a heightfield over a regular grid, or ValueError that says why not."""
+    where = "Heightfield.from_mesh(mesh=...)"
+    remedy = "Resample it to a regular grid of heights and use Heightfield.from_heights."
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    if len(vertices) < 16 or not np.isfinite(vertices).all():
+        raise ValueError(f"{where} must have at least 16 vertices, all finite; got {len(vertices)}. Repair the mesh first.")
+    normal_z = _twice_area_z(vertices, np.asarray(mesh.faces))
+    if (normal_z < 0).all():
+        normal_z = -normal_z
+    if not (normal_z > 0).all():
+        bad = int((normal_z <= 0).sum())
+        raise ValueError(
+            f"{where} must be a heightfield over x-y; {bad} of {len(normal_z)} faces stand upright, overhang or are "
+            f"turned over (a closed solid also does). Turn the macro-normal to +z and keep only the top side. {remedy}"
+        )
+    index, axes = [], []
+    for axis, letter in enumerate("xy"):
+        lines, number = _grid_lines(vertices[:, axis])
+        step = np.diff(lines)
+        if len(lines) < 4 or step.max() - step.min() > 1e-3 * step.mean():
+            raise ValueError(
+                f"{where} must have its vertices on a regular grid; its {letter} coordinates take {len(lines)} values, "
+                f"unevenly spaced. {remedy}"
+            )
+        index.append(number)
+        axes.append(lines)
+    shape = (len(axes[0]), len(axes[1]))
+    spacing = (float(np.mean(np.diff(axes[0]))), float(np.mean(np.diff(axes[1]))))
+    heights = np.full(shape, np.nan)
+    heights[index[0], index[1]] = vertices[:, 2]
+    # Doubled vertices (a triangle soup) are welcome as long as they agree.
+    fold = np.abs(heights[index[0], index[1]] - vertices[:, 2]).max()
+    holes = int(np.isnan(heights).sum())
+    covered = 0.5 * float(normal_z.sum())
+    full = (shape[0] - 1) * (shape[1] - 1) * spacing[0] * spacing[1]
+    if holes or fold > 1e-6 * max(spacing) or abs(covered / full - 1) > 1e-6:
+        raise ValueError(
+            f"{where} must cover its rectangle once, without holes; {holes} of {heights.size} grid points have no vertex and "
+            f"its faces cover {100 * covered / full:.4g} % of the rectangle. Fill the holes (trimesh.repair). {remedy}"
+        )
+    return heights, spacing
+
+
+def read_mesh(path: str | os.PathLike) -> Any:
+    """The mesh at `path`, or None if its suffix is not a mesh's."""
+    _check_readable(path)
+    if Path(path).suffix.lower() not in MESH_SUFFIXES:
+        return None
+    return import_trimesh().load(path, force="mesh", process=False)
+
+
+def read_heights(path: str | os.PathLike) -> np.ndarray:
+    """Heights in .npy or in a 16-bit or float PNG/TIFF, as float64; an image's columns become the first axis (x)."""
+    _check_readable(path)
+    suffix = Path(path).suffix.lower()
+    if suffix == ".npy":
+        try:
+            return np.asarray(np.load(path, allow_pickle=False))
+        except ValueError as error:
+            raise ValueError(f"Heightfield.from_file(path=...): {path} is not a plain .npy array ({error}).") from error
+    if suffix not in IMAGE_SUFFIXES:
+        allowed = ", ".join((".npy", *IMAGE_SUFFIXES, *MESH_SUFFIXES))
+        raise ValueError(f"Heightfield.from_file(path=...) must end in one of {allowed}; got {path}. Convert it first.")
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise ImportError("Reading PNG and TIFF height maps needs Pillow: pip install pillow, or pass a .npy.") from error
+    with Image.open(path) as image:
+        if image.mode not in ("I;16", "I;16B", "I;16L", "I", "F"):
+            raise ValueError(
+                f"Heightfield.from_file(path=...) must be a 16-bit (or float) height map of one channel; {path} has mode "
+                f"{image.mode}. 256 steps of height make terraces: export the measurement with 16 bits."
+            )
+        pixels = np.array(image)
+    return pixels.astype(np.float64).T
+
+
+def export(surface: "Heightfield", path: str | os.PathLike, *, force: bool) -> None:
+    """Write `surface` as .npy or mesh, atomically."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".npy":
+        write_atomic(path, lambda file: np.save(file, surface.heights), force=force)
+    elif suffix in MESH_SUFFIXES:
+        data = surface.mesh.export(file_type=suffix[1:])
+        content = data.encode() if isinstance(data, str) else data
+        write_atomic(path, lambda file: file.write(content), force=force)
+    else:
+        allowed = ", ".join((".npy", *MESH_SUFFIXES))
+        raise ValueError(f"Heightfield.export(path=...) must end in one of {allowed}; got {path}.")
+
+
+def check_writable(path: str | os.PathLike, *, force: bool) -> None:
+    """Raise now, before hours of work, if `path` cannot be written later."""
+    path = Path(path)
+    if path.is_dir():
+        raise IsADirectoryError(f"Cannot write {path}: it is a directory. Name a file in it.")
+    if path.exists() and not force:
+        raise FileExistsError(f"{path} exists; it is not overwritten. Pass force (--force), or name another file.")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"Cannot write {path}: {path.parent} is not a directory. Create it first.")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"Cannot write {path}: no permission to write in {path.parent}.")
+
+
+def write_atomic(path: str | os.PathLike, write: Callable[[BinaryIO], Any], *, force: bool) -> None:
+    """Let `write` fill a temporary file beside `path`, then put it in place in one step."""
+    check_writable(path, force=force)
+    handle, temporary = tempfile.mkstemp(dir=Path(path).parent, prefix=f".{Path(path).name}.", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        # mkstemp makes the file private; give it what a plain open() would have.
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def import_trimesh() -> Any:
+    """trimesh, or an ImportError that says how to get it."""
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError("Meshes need trimesh: pip install trimesh embreex numba.") from error
+    return trimesh
+
+
+def _check_readable(path: str | os.PathLike) -> None:
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"Heightfield.from_file(path=...): there is no file {path}.")
+
+
+def _twice_area_z(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    a, b, c = (vertices[faces[:, k], :2] for k in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+
+
+def _grid_lines(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct coordinates up to rounding (1e-6 of the range, float32 files), and which one each value is."""
+    order = np.argsort(values, kind="stable")
+    in_order = values[order]
+    new = np.diff(in_order, prepend=in_order[0]) > 1e-6 * (in_order[-1] - in_order[0])
+    number = np.empty(len(values), dtype=np.int64)
+    number[order] = np.cumsum(new)
+    lines = np.bincount(number, weights=values) / np.bincount(number)
+    return lines, number

@@ -1,0 +1,210 @@
+"""Random numbers that are computed where they are used: (seed, path, dimension) → number, nothing is stored.
+
+A number is a hash in 32-bit words, held in int64 so that no operation overflows: eager mode, Inductor and ONNX Runtime
+give the same bits. Every row (element of the batch) has a 64-bit seed of its own; a row's numbers depend on nothing else,
+so neither blocks, nor shards, nor the order of rows change them.
+"""
+
+import functools
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+from torch.quasirandom import SobolEngine
+
+SEQUENCES = ("random", "sobol", "rank1")
+WORD = 0xFFFFFFFF
+BITS = 24
+"""Bits of a number: it is a multiple of 2^-24, exact in float32."""
+
+
+def _signed(c: int) -> int:
+    """The multiplier congruent to `c` mod 2^32 of least magnitude: a 32-bit word times it stays inside int64."""
+    return c - (1 << 32) if c >> 31 else c
+
+
+# The 32-bit mixer "lowbias32" (github.com/skeeto/hash-prospector): x ^= x >> 16, x *= A, x ^= x >> 15, x *= B,
+# x ^= x >> 16. GOLDEN is 2^32 / the golden ratio, PATH an odd number far from its multiples.
+_A, _B = _signed(0x7FEB352D), _signed(0x846CA68B)
+_GOLDEN, _PATH = _signed(0x9E3779B9), _signed(0xD1B54A33)
+_KEYS = (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344)  # digits of pi
+
+
+def _mix(x: Tensor, inject: Tensor | None = None) -> Tensor:
+    """A bijection of 32-bit words; `inject` is added to the state half-way."""
+    x = x ^ (x >> 16)
+    x = (x * _A) & WORD
+    if inject is not None:
+        x = x ^ inject
+    x = x ^ (x >> 15)
+    x = (x * _B) & WORD
+    return x ^ (x >> 16)
+
+
+def _state(seeds: Tensor, path: Tensor) -> tuple[Tensor, Tensor]:
+    """64 well-mixed bits, as two words, for each 64-bit seed and path: a Feistel network of four rounds a path."""
+    x, y = seeds & WORD, (seeds >> 32) & WORD
+    step = (path * _PATH) & WORD
+    y = y ^ _mix((x + step + _KEYS[0]) & WORD)
+    x = x ^ _mix((y + step + _KEYS[1]) & WORD)
+    y = y ^ _mix((x + _KEYS[2]) & WORD)
+    x = x ^ _mix((y + _KEYS[3]) & WORD)
+    return x, y
+
+
+def _integer(state: tuple[Tensor, Tensor], dimension: int | Tensor) -> Tensor:
+    """The 24-bit integer of one dimension; every number depends on all 64 bits of the state."""
+    x, y = state
+    start = dimension * _GOLDEN
+    return _mix((x + start) & WORD, y) >> (32 - BITS)
+
+
+class Stream:
+    """Stands wherever `u` does: `bsdf(wi, wo, Stream(7, n_paths=4))`; yields 24-bit numbers in [0, 1).
+
+    seed: an int in [0, 2^31), which gives row r of the (flattened) batch the 64-bit seed `seed · 2^32 + r`; or an int64
+    tensor (*batch) with one seed an element, any value. n_paths: N, the independent paths.
+    sequence: "random"; or "sobol" or "rank1", where the N paths of a row are a scrambled Sobol set or a rank-1 lattice,
+    rotated by the row's own random numbers.
+    Raises TypeError or ValueError for a seed or a number of paths outside these ranges.
+    """
+
+    def __init__(self, seed: int | Tensor, n_paths: int = 1, sequence: str = "random") -> None:
+        if isinstance(seed, Tensor):
+            if seed.dtype != torch.int64:
+                raise TypeError(
+                    f"Stream(seed=...) must be an int or an int64 Tensor (*batch), one seed an element; got {seed.dtype}."
+                )
+        elif isinstance(seed, bool) or not isinstance(seed, int):
+            raise TypeError(f"Stream(seed=...) must be an int or an int64 Tensor (*batch); got {type(seed).__name__}.")
+        elif not 0 <= seed < 2**31:
+            raise ValueError(
+                f"Stream(seed=...) must lie in [0, 2^31); got {seed}. For 64-bit seeds give an int64 Tensor, one an element."
+            )
+        if isinstance(n_paths, bool) or not isinstance(n_paths, int):
+            raise TypeError(f"Stream(n_paths=...) must be an int; got {type(n_paths).__name__}.")
+        if not 1 <= n_paths < 2**31:
+            raise ValueError(f"Stream(n_paths=...) must lie in [1, 2^31); got {n_paths}.")
+        if sequence not in SEQUENCES:
+            raise ValueError(f"Stream(sequence=...) must be one of {', '.join(SEQUENCES)}; got {sequence!r}.")
+        self.seed, self.n_paths, self.sequence = seed, n_paths, sequence
+
+    def __repr__(self) -> str:
+        seed = tuple(self.seed.shape) if isinstance(self.seed, Tensor) else self.seed
+        return f"Stream({seed}, n_paths={self.n_paths}, sequence={self.sequence!r})"
+
+    @property
+    def batch_shape(self) -> torch.Size:
+        """Shape of the seeds; empty for an int, which serves any batch."""
+        return self.seed.shape if isinstance(self.seed, Tensor) else torch.Size(())
+
+    def seeds(self, batch_shape: Sequence[int], device: torch.device | None = None) -> Tensor:
+        """The 64-bit seed of each element, int64 (*batch): what an ONNX file with a `seed` input takes."""
+        if isinstance(self.seed, Tensor):
+            return self.seed.to(device).expand(*batch_shape)
+        rows = torch.arange(torch.Size(batch_shape).numel(), device=device).reshape(*batch_shape)
+        return rows + (self.seed << 32)
+
+    def uniforms(self, batch_shape: Sequence[int], n_uniforms: int, dtype: torch.dtype = torch.float32) -> Tensor:
+        """The numbers themselves, (*batch, N, D): a call with them gives what a call with the stream gives."""
+        numbers = self.numbers(self.seeds(batch_shape), n_uniforms, dtype)
+        stacked = torch.stack([numbers[d] for d in range(n_uniforms)])
+        return stacked.permute(*range(2, stacked.ndim), 1, 0)
+
+    def block(self, batch_shape: Sequence[int], rows: slice, device: torch.device) -> Tensor:
+        """The seeds of `rows` of the flattened batch, (rows,); one entry if they are the same for all."""
+        if not isinstance(self.seed, Tensor):
+            return torch.arange(rows.start, rows.stop, device=device) + (self.seed << 32)
+        if self.seed.numel() == 1:
+            return self.seed.reshape(1)
+        return self.seed.expand(*batch_shape).reshape(-1)[rows]
+
+    def numbers(
+        self, seeds: Tensor, n_uniforms: int, dtype: torch.dtype, paths: slice | None = None
+    ) -> Sequence[Tensor]:
+        """The D numbers, each (paths, *seeds.shape); computed when they are asked for, all together in an export."""
+        paths = slice(0, self.n_paths) if paths is None else paths
+        index = torch.arange(paths.start, paths.stop, device=seeds.device)
+        numbers = _Numbers(seeds, index, n_uniforms, dtype, self._points(n_uniforms, paths, seeds.device))
+        return numbers.together() if torch.compiler.is_exporting() else numbers
+
+    def _points(self, n_uniforms: int, paths: slice, device: torch.device) -> Tensor | None:
+        """The shared points of the paths as 24-bit integers, (D, paths); None for independent ones."""
+        if self.sequence == "random":
+            return None
+        points = sobol if self.sequence == "sobol" else rank1
+        return points(self.n_paths, n_uniforms)[:, paths].to(device)
+
+
+class _Numbers(Sequence[Tensor]):
+    """Numbers of a block of rows, by dimension."""
+
+    def __init__(
+        self, seeds: Tensor, paths: Tensor, n_uniforms: int, dtype: torch.dtype, points: Tensor | None
+    ) -> None:
+        self.n_uniforms, self.dtype, self.points = n_uniforms, dtype, points
+        self.column = (-1,) + (1,) * seeds.ndim
+        # Rotated sets are the same for all paths but for the point.
+        self.state = _state(seeds[None], paths.reshape(self.column) if points is None else torch.zeros_like(seeds[None]))
+        self.known: dict[int, Tensor] = {}
+
+    def __len__(self) -> int:
+        return self.n_uniforms
+
+    def __getitem__(self, d: int) -> Tensor:  # type: ignore[override]
+        if not 0 <= d < self.n_uniforms:
+            raise IndexError(d)
+        if d not in self.known:
+            point = None if self.points is None else self.points[d].reshape(self.column)
+            self.known[d] = self._float(_integer(self.state, d), point)
+        return self.known[d]
+
+    def together(self) -> tuple[Tensor, ...]:
+        """All numbers by the same operations on one tensor (D, paths, *rows): a graph of few nodes."""
+        d = torch.arange(self.n_uniforms, device=self.state[0].device).reshape(-1, 1, *self.column[1:])
+        points = None if self.points is None else self.points.reshape(self.n_uniforms, *self.column)
+        return self._float(_integer((self.state[0][None], self.state[1][None]), d), points).unbind(0)
+
+    def _float(self, n: Tensor, point: Tensor | None) -> Tensor:
+        if point is not None:
+            n = (n + point) & ((1 << BITS) - 1)
+        return n.to(self.dtype) * (1 / (1 << BITS))
+
+
+@torch.compiler.assume_constant_result
+@functools.lru_cache(maxsize=8)
+def sobol(n_paths: int, n_uniforms: int) -> Tensor:
+    """A scrambled Sobol set as 24-bit integers, (D, N); the scrambling is fixed, a row's rotation makes it random."""
+    points = SobolEngine(n_uniforms, scramble=True, seed=1).draw(n_paths, dtype=torch.float64)
+    return (points.T * (1 << BITS)).to(torch.int64) & ((1 << BITS) - 1)
+
+
+@torch.compiler.assume_constant_result
+@functools.lru_cache(maxsize=8)
+def rank1(n_paths: int, n_uniforms: int) -> Tensor:
+    """A rank-1 lattice as 24-bit integers, (D, N): point i is frac(i · z / N), z built component by component.
+
+    Each component minimises the shift-averaged worst-case error Σ_i Π_d (1 + γ_d (2π² B_2(x))) in the Korobov space, with
+    weights γ_d = 1 / (d + 1)² [Sloan and Reztsov 2002, "Component-by-component construction of good lattice rules"].
+    """
+    N = n_paths
+    i = torch.arange(N, dtype=torch.float64)
+    x = i / N
+    kernel = 2 * torch.pi**2 * (x * x - x + 1 / 6)
+    candidates = torch.tensor([z for z in range(1, max(2, N // 2 + 1)) if _coprime(z, N)][:512])
+    which = (torch.arange(N)[None] * candidates[:, None]) % N
+    product = torch.ones(N, dtype=torch.float64)
+    columns = []
+    for d in range(n_uniforms):
+        factors = 1 + kernel[which] / (d + 1) ** 2
+        best = 0 if d == 0 else int((factors @ product).argmin())
+        product = product * factors[best]
+        product = product / product.mean()
+        columns.append(which[best])
+    return torch.stack(columns) * (1 << BITS) // N
+
+
+def _coprime(a: int, b: int) -> bool:
+    while b:
+        a, b = b, a % b
+    return a == 1

@@ -1,0 +1,17 @@
+"""The white furnace: a surface that absorbs nothing gives all light back."""
+
+from torch import Tensor
+
+from torchms.bsdfs.base import BSDF
+from torchms.testing.zscore import Estimate, estimate
+
+
+def furnace(bsdf: BSDF, wi: Tensor, u: Tensor) -> Estimate:
+    """Energy that leaves on either side, all orders and channels, of light from each `wi` (*batch, 3): (*batch, C).
+
+    For lossless facets it is 1, less what has not left after `max_order` bounces. `u` from `bsdf.uniforms` (*batch, N, D);
+    its N paths are what the standard error is over.
+    """
+    energies = bsdf.albedo(wi.unsqueeze(-2), u.unsqueeze(-2))
+    total = (energies.reflected + energies.transmitted).sum(-2)
+    return estimate(total, dim=-2)

@@ -1,0 +1,42 @@
+"""Helmholtz reciprocity: f(wi, wo) / η² is the same both ways."""
+
+import torch
+from torch import Tensor
+
+from torchms.bsdfs.base import BSDF
+from torchms.bsdfs.rough_dielectric import RoughDielectric
+from torchms.testing.zscore import Estimate, estimate
+
+
+def reciprocal_pair(
+    bsdf: BSDF, wi: Tensor, wo: Tensor, u: Tensor | None = None, u_back: Tensor | None = None
+) -> tuple[Estimate, Estimate]:
+    """Estimates (*batch, K, C) of two numbers that are equal for a reciprocal BSDF, order by order.
+
+    wi, wo: (*batch, 3). u, u_back: independent `bsdf.uniforms` (*batch, N, D) for the two ways; without them, a deterministic
+    BSDF's own numbers with no error. The numbers are f · |cos θ_i| |cos θ_o| n_i²; in a dielectric of mode "radiance" the way
+    back is divided by n², as the value there is.
+    """
+    there = _orders(bsdf, wi, wo, u)
+    back = _orders(bsdf, wo, wi, u_back)
+    there = Estimate(*(part * _flux(bsdf, wi, wo) for part in there[:2]), there.n)
+    back = Estimate(*(part * _flux(bsdf, wo, wi) for part in back[:2]), back.n)
+    return there, back
+
+
+def _orders(bsdf: BSDF, wi: Tensor, wo: Tensor, u: Tensor | None) -> Estimate:
+    if u is None:
+        value = bsdf.orders(wi, wo).detach().double()
+        return Estimate(value, torch.zeros_like(value), 1)
+    return estimate(bsdf.orders(wi.unsqueeze(-2), wo.unsqueeze(-2), u.unsqueeze(-2)), dim=-3)
+
+
+def _flux(bsdf: BSDF, w: Tensor, d: Tensor) -> Tensor:
+    """What a value f · |cos θ_d| of light from `w` is multiplied by: |cos θ_w|, and the étendue's n² on the one side."""
+    flux = w[..., 2].abs().double()
+    if isinstance(bsdf, RoughDielectric):
+        # Importance: n_w² f |cos w| |cos d| is symmetric. Radiance: its value was divided by (n_d / n_w)² already.
+        side = d if bsdf.mode == "radiance" else w
+        n = torch.where(side[..., 2] < 0, bsdf.fresnel.eta, 1.0)
+        flux = flux * n * n
+    return flux[..., None, None]
