@@ -261,6 +261,8 @@ def run_surface(
     measured = measure(surface)
     grid = Grid.of(surface)
     caster = plan.tracer.bind(grid)
+    # A few rays first: Numba compiles or loads its kernels here, and no speed is measured on that.
+    plan.run_shard(Shard(-1, shards[0].surface, 0, 8), grid, caster.fork(), measured)
     run(lambda shard: plan.run_shard(shard, grid, caster.fork(), measured), shards)
 
 

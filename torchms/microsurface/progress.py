@@ -2,12 +2,8 @@
 
 import sys
 import time
-from collections.abc import Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from torchms.microsurface.plan import Plan, Shard
+from typing import Any
 
 
 class Progress:
@@ -30,16 +26,7 @@ class Progress:
             self.bar = rp.Progress(*columns, console=rich.console.Console(stderr=True))
             self.task = self.bar.add_task("", total=rays, speed="")
 
-    @staticmethod
-    def of(plan: "Plan", todo: "Sequence[Shard]", *, enabled: bool) -> "Progress":
-        """Progress over all rays of `plan`; those not in `todo` count as done."""
-        self = Progress(plan.n_rays, enabled)
-        skipped = plan.n_rays - sum(shard.rays for shard in todo)
-        if self.bar is not None and skipped:
-            self.bar.update(self.task, completed=skipped)
-        return self
-
-    def advance(self, rays: int, segments: int) -> None:
+    def advance(self, rays: int) -> None:
         """`rays` more rays are done."""
         self.done += rays
         if self.bar is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from torch import Tensor
 
 from torchms.lobes.tally import Tally
+from torchms.microsurface import distributed
 from torchms.microsurface.checkpoint import Checkpoint
 from torchms.microsurface.grid_walk import require_numba
 from torchms.microsurface.heightfield import GaussianSurfaces, Heightfield
@@ -43,7 +44,8 @@ def simulate(
     wi: unit vector away from the surface, above the horizon; rays start above the highest point, everywhere alike.
     n_rays: in all, shared among the surfaces. tracer: `EmbreeTracer()` if None; `GridTracer()` needs no Embree.
     checkpoint: directory of finished shards; a killed run goes on from there, one of another configuration is refused.
-    The result does not depend on `threads`, nor on how often it was interrupted, to the last bit.
+    Under an initialised torch.distributed process group the shards are shared out, and every process gets the result.
+    It does not depend on `threads`, on the number of processes or on how often it was interrupted, to the last bit.
 
     `info` of the Tally holds: `lost` (C,), what had not left after `max_order` events plus what leaked through rounding, so
     Σ reflected + Σ transmitted + absorbed + lost = 1; `leak_rate` per segment; `rays_per_second`, `segments_per_second`
@@ -63,18 +65,35 @@ def simulate(
         rays_per_shard=rays_per_shard,
     )
     store = None if checkpoint is None else Checkpoint.open(Path(checkpoint), plan)
-    total, todo = plan.nothing(), []
-    for shard in plan.shards:
-        found = store.load(shard) if store else None
-        if found is None:
-            todo.append(shard)
-        else:
-            total.add(found, plan.group(shard), shard.surface)
-    with Progress.of(plan, todo, enabled=progress) as bar:
+    total = plan.nothing()
+    todo = distributed.share_of(take_finished(plan, store, total))
+    with Progress(sum(shard.rays for shard in todo), enabled=progress) as bar:
         clock = run_shards(plan, todo, total, threads=threads, store=store, bar=bar)
+    distributed.add_up(total)
+    clock.join()
     tally = plan.tally(total)
     tally.info.update(clock.report())
     return tally
+
+
+def take_finished(plan: Plan, store: Checkpoint | None, total: Partial) -> list[Shard]:
+    """Add the shards that `store` holds to `total` (each in one process only) and return those to trace."""
+    if store is None:
+        return list(plan.shards)
+    rank, _ = distributed.rank_and_size()
+    # Read once, so that a file which cannot be read counts as missing everywhere; keep nothing but the sums.
+    readable = []
+    for shard in plan.shards:
+        readable.append(store.load(shard) is not None)
+    todo = []
+    for shard, owner in zip(plan.shards, distributed.owners(readable), strict=True):
+        if owner < 0:
+            todo.append(shard)
+        elif owner == rank:
+            found = store.load(shard)
+            assert found is not None
+            total.add(found, plan.group(shard), shard.surface)
+    return todo
 
 
 def make_plan(
@@ -116,6 +135,13 @@ class Clock:
         self.rays = 0
         self.segments = 0
 
+    def join(self) -> None:
+        """Make these the numbers of all processes together: the slowest's time, everyone's work."""
+        (self.surfaces, self.tracing), (rays, segments) = distributed.slowest_and_sum(
+            (self.surfaces, self.tracing), (self.rays, self.segments)
+        )
+        self.rays, self.segments = int(rays), int(segments)
+
     def report(self) -> dict[str, float | dict[str, float]]:
         """Speeds of this run alone: shards that were taken from a checkpoint do not count."""
         seconds = max(self.tracing, 1e-9)
@@ -137,6 +163,7 @@ def run_shards(
 ) -> Clock:
     """Trace the shards of `todo` and add them to `total`; each is stored the moment it is finished."""
     workers = checked_threads(threads)
+    distributed.wait_for_all()
     clock = Clock()
 
     def finish(done: Future, shard: Shard) -> None:
@@ -147,7 +174,7 @@ def run_shards(
         clock.rays += int(found.counts[0, 0])
         clock.segments += int(found.counts[0, 1])
         if bar is not None:
-            bar.advance(shard.rays, int(found.counts[0, 1]))
+            bar.advance(shard.rays)
 
     with ThreadPoolExecutor(workers) as pool:
 
@@ -178,9 +205,10 @@ def run_shards(
 
 
 def checked_threads(threads: int | None) -> int:
-    """Number of threads to use: all cores this process may use if None."""
+    """Number of threads to use: if None, all cores that this process may use, shared with its neighbours."""
     if threads is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+        return max(1, cores // distributed.local_size())
     if not 1 <= threads <= 1024:
         raise ValueError(f"simulate(threads=...) must lie in [1, 1024]; got {threads}. None takes every core.")
     return threads
