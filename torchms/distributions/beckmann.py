@@ -97,9 +97,11 @@ class Beckmann(EllipticDistribution):
         s = self.stretched(w)
         below = s.z < 0
         z = torch.where(below, -s.z, s.z)
-        rho = safe_sqrt(s.x * s.x + s.y * s.y)
-        c = z / rho.clamp_min(horizon(z.dtype))
-        return z, below, c * c, 0.5 * rho * ierfcx(c)
+        rho2 = s.x * s.x + s.y * s.y
+        rho = safe_sqrt(rho2)
+        least = horizon(z.dtype)
+        # c² is not from c: every rounding of it is multiplied by c² in the exponential.
+        return z, below, z * z / rho2.clamp_min(least * least), 0.5 * rho * ierfcx(z / rho.clamp_min(least))
 
     def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
         """A normal with density D(m) ⟨w, m⟩ / σ(w), for `w` anywhere on the sphere.

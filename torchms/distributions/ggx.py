@@ -32,8 +32,10 @@ class GGX(EllipticDistribution):
         # r + w_z = ρ² / (r − w_z).
         s = self.stretched(w)
         rho2 = s.x * s.x + s.y * s.y
-        far = torch.sqrt((s.z * s.z + rho2).clamp_min(smallest(s.z.dtype))) + s.z.abs()
-        return 0.5 * torch.where(s.z < 0, rho2 / far, far)
+        below = s.z < 0
+        # Not abs(): its gradient at the horizon is 0, that of σ is ½.
+        far = torch.sqrt((s.z * s.z + rho2).clamp_min(smallest(s.z.dtype))) + torch.where(below, -s.z, s.z)
+        return 0.5 * torch.where(below, rho2 / far, far)
 
     def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
         # [Dupuy2023]: in the stretched frame the reflections of w are uniform on the cap z > −w_z, also for w_z < 0.
