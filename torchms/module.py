@@ -29,11 +29,12 @@ class Parametric(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.declared: dict[str, bool] = {}
+        self.ranges: dict[str, tuple[float, float]] = {}
 
     def declare(
         self,
         name: str,
-        value: float | Tensor | nn.Parameter | None,
+        value: float | list[float] | tuple[float, ...] | Tensor | nn.Parameter | None,
         *,
         low: float,
         high: float,
@@ -48,6 +49,7 @@ class Parametric(nn.Module):
         [low, high] (or (low, high] if `open_low`) or NaN; TypeError if it is not a real number or tensor.
         """
         self.declared[name] = channels
+        self.ranges[name] = (low, high)
         if value is None:
             self.register_buffer(name, None)
             return

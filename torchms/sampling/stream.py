@@ -5,7 +5,6 @@ give the same bits. Every row (element of the batch) has a 64-bit seed of its ow
 so neither blocks, nor shards, nor the order of rows change them.
 """
 
-import functools
 from collections.abc import Sequence
 
 import torch
@@ -132,8 +131,7 @@ class Stream:
         """The shared points of the paths as 24-bit integers, (D, paths); None for independent ones."""
         if self.sequence == "random":
             return None
-        points = sobol if self.sequence == "sobol" else rank1
-        return points(self.n_paths, n_uniforms)[:, paths].to(device)
+        return shared_points(self.sequence, self.n_paths, n_uniforms)[:, paths].to(device)
 
 
 class _Numbers(Sequence[Tensor]):
@@ -145,7 +143,9 @@ class _Numbers(Sequence[Tensor]):
         self.n_uniforms, self.dtype, self.points = n_uniforms, dtype, points
         self.column = (-1,) + (1,) * seeds.ndim
         # Rotated sets are the same for all paths but for the point.
-        self.state = _state(seeds[None], paths.reshape(self.column) if points is None else torch.zeros_like(seeds[None]))
+        self.state = _state(
+            seeds[None], paths.reshape(self.column) if points is None else torch.zeros_like(seeds[None])
+        )
         self.known: dict[int, Tensor] = {}
 
     def __len__(self) -> int:
@@ -171,16 +171,26 @@ class _Numbers(Sequence[Tensor]):
         return n.to(self.dtype) * (1 / (1 << BITS))
 
 
+_SHARED: dict[tuple[str, int, int], Tensor] = {}
+
+
 @torch.compiler.assume_constant_result
-@functools.lru_cache(maxsize=8)
+def shared_points(sequence: str, n_paths: int, n_uniforms: int) -> Tensor:
+    """The points that all rows share, as 24-bit integers (D, N); the last few are remembered."""
+    key = (sequence, n_paths, n_uniforms)
+    if key not in _SHARED:
+        if len(_SHARED) >= 8:
+            _SHARED.clear()
+        _SHARED[key] = (sobol if sequence == "sobol" else rank1)(n_paths, n_uniforms)
+    return _SHARED[key]
+
+
 def sobol(n_paths: int, n_uniforms: int) -> Tensor:
     """A scrambled Sobol set as 24-bit integers, (D, N); the scrambling is fixed, a row's rotation makes it random."""
     points = SobolEngine(n_uniforms, scramble=True, seed=1).draw(n_paths, dtype=torch.float64)
     return (points.T * (1 << BITS)).to(torch.int64) & ((1 << BITS) - 1)
 
 
-@torch.compiler.assume_constant_result
-@functools.lru_cache(maxsize=8)
 def rank1(n_paths: int, n_uniforms: int) -> Tensor:
     """A rank-1 lattice as 24-bit integers, (D, N): point i is frac(i · z / N), z built component by component.
 
