@@ -1,8 +1,8 @@
 """Random numbers that are computed where they are used: (seed, path, dimension) → number, nothing is stored.
 
-A number is a hash in 32-bit words, held in int64 so that no operation overflows: eager mode, Inductor and ONNX Runtime
-give the same bits. Every row (element of the batch) has a 64-bit seed of its own; a row's numbers depend on nothing else,
-so neither blocks, nor shards, nor the order of rows change them.
+A number is a hash in 32-bit words, held in int64 so that no operation overflows: eager mode, Inductor and ONNX
+Runtime give the same bits. Every row (element of the batch) has a 64-bit seed of its own; a row's numbers depend on
+nothing else, so neither blocks, nor shards, nor the order of rows change them.
 """
 
 from collections.abc import Sequence
@@ -72,13 +72,14 @@ class Stream:
         if isinstance(seed, Tensor):
             if seed.dtype != torch.int64:
                 raise TypeError(
-                    f"Stream(seed=...) must be an int or an int64 Tensor (*batch), one seed an element; got {seed.dtype}."
+                    f"Stream(seed=...) must be an int or an int64 Tensor (*batch), one an element; got {seed.dtype}."
                 )
         elif isinstance(seed, bool) or not isinstance(seed, int):
             raise TypeError(f"Stream(seed=...) must be an int or an int64 Tensor (*batch); got {type(seed).__name__}.")
         elif not 0 <= seed < 2**31:
             raise ValueError(
-                f"Stream(seed=...) must lie in [0, 2^31); got {seed}. For 64-bit seeds give an int64 Tensor, one an element."
+                f"Stream(seed=...) must lie in [0, 2^31); got {seed}. "
+                "For 64-bit seeds give an int64 Tensor, one an element."
             )
         if isinstance(n_paths, bool) or not isinstance(n_paths, int):
             raise TypeError(f"Stream(n_paths=...) must be an int; got {type(n_paths).__name__}.")
@@ -142,10 +143,10 @@ class _Numbers(Sequence[Tensor]):
     ) -> None:
         self.n_uniforms, self.dtype, self.points = n_uniforms, dtype, points
         self.column = (-1,) + (1,) * seeds.ndim
-        # Rotated sets are the same for all paths but for the point.
-        self.state = _state(
-            seeds[None], paths.reshape(self.column) if points is None else torch.zeros_like(seeds[None])
-        )
+        # In a rotated set all paths share the row's random numbers.
+        seeds = seeds[None]
+        path = paths.reshape(self.column) if points is None else torch.zeros_like(seeds)
+        self.state = _state(seeds, path)
         self.known: dict[int, Tensor] = {}
 
     def __len__(self) -> int:
@@ -194,8 +195,8 @@ def sobol(n_paths: int, n_uniforms: int) -> Tensor:
 def rank1(n_paths: int, n_uniforms: int) -> Tensor:
     """A rank-1 lattice as 24-bit integers, (D, N): point i is frac(i · z / N), z built component by component.
 
-    Each component minimises the shift-averaged worst-case error Σ_i Π_d (1 + γ_d (2π² B_2(x))) in the Korobov space, with
-    weights γ_d = 1 / (d + 1)² [Sloan and Reztsov 2002, "Component-by-component construction of good lattice rules"].
+    Each component minimises the worst-case error Σ_i Π_d (1 + γ_d 2π² B_2(x)) of the Korobov space with weights
+    γ_d = 1 / (d + 1)² [Sloan and Reztsov 2002, "Component-by-component construction of good lattice rules"].
     """
     N = n_paths
     i = torch.arange(N, dtype=torch.float64)
