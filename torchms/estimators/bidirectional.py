@@ -26,7 +26,7 @@ class Bidirectional(PathTracer):
     """Sum over all paths of up to `max_order` bounces: one walk from wi and one from wo, joined in every way.
 
     Every pair of sub-paths with s + t = k − 1 bounces is joined at a facet; the ways of one order are weighted by the
-    balance heuristic over all of them. Unbiased for the model of the `segment`: no thresholds. Raises ValueError when it
+    balance heuristic over all of them. One path is a few such pairs of walks, see `lengths`. Unbiased for the model of the `segment`: no thresholds. Raises ValueError when it
     is put into a dielectric with `Invariance`, which knows one side of the surface only.
     """
 
@@ -42,17 +42,47 @@ class Bidirectional(PathTracer):
     def extra_repr(self) -> str:
         return f"max_order={self.max_order}"
 
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Bounces of each pair of walks.
+
+        Orders 2 and 3 hold nearly all of the variance and cost least: they are the mean over four pairs of walks, orders
+        4 and 5 over two, the rest comes from one pair.
+        """
+        K = self.max_order
+        return (K,) if K == 1 else (K, min(K, 5), min(K, 3), min(K, 3))
+
     def n_uniforms(self, vertex: Vertex) -> int:
-        return 1 + 2 * self.max_order * vertex.n_uniforms
+        return 1 + 2 * sum(self.lengths) * vertex.n_uniforms
 
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
         valid = (wi.z != 0) & (wo.z != 0) if vertex.transmits else (wi.z > 0) & (wo.z > 0)
-        ahead = self._nodes(vertex, wi, u, 1)
-        behind = self._nodes(vertex, wo, u, 1 + self.max_order * vertex.n_uniforms)
+        sums: list[Tensor | None] = [None] * self.max_order
+        counts = [0] * self.max_order
+        first = 1
+        for length in self.lengths:
+            # Where no facet is drawn for it, order 1 is the same number from every pair.
+            lowest = 1 if counts[0] == 0 or vertex.phase_needs_normal else 2
+            for k, value in self._joined(vertex, wi, wo, u, first, length, lowest).items():
+                total = sums[k - 1]
+                sums[k - 1] = value if total is None else total + value
+                counts[k - 1] += 1
+            first += 2 * length * vertex.n_uniforms
+        return [
+            torch.where(valid, total * (wo.z.abs() / count), 0.0)
+            for total, count in zip(sums, counts, strict=True)
+            if total is not None
+        ]
+
+    def _joined(
+        self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor], first: int, length: int, lowest: int
+    ) -> dict[int, Tensor]:
+        """f of the orders `lowest` … `length` from one pair of walks, whose random numbers begin at `first`."""
+        ahead = self._nodes(vertex, wi, u, first, length, against=False)
+        behind = self._nodes(vertex, wo, u, first + length * vertex.n_uniforms, length, against=True)
         join = self.segment.joiner([node.leg for node in ahead], [node.leg for node in behind], vertex.monotone)
-        orders: list[Tensor] = []
-        for k in range(1, self.max_order + 1):
-            total: Tensor | None = None
+        orders: dict[int, Tensor] = {}
+        for k in range(lowest, length + 1):
             for s in range(k):
                 t = k - 1 - s
                 x, y = ahead[s], behind[t]
@@ -60,30 +90,36 @@ class Bidirectional(PathTracer):
                 densities = vertex.densities(x.view, y.view, crossed)
                 value = vertex.connect(x.view, y.view, crossed, densities) * join(s, t, crossed)
                 share = balance(densities, x.others, y.others)
-                value = value if share is None else value * share
-                for weight in (x.weight, y.weight):
-                    value = value if weight is None else value * weight
-                total = value if total is None else total + value
-            assert total is not None
-            orders.append(torch.where(valid, total * wo.z.abs(), 0.0))
+                for factor in (share, x.weight, y.weight):
+                    value = value if factor is None else value * factor
+                orders[k] = orders[k] + value if k in orders else value
         return orders
 
-    def _nodes(self, vertex: Vertex, start: Vec3, u: Sequence[Tensor], first: int) -> list[Node]:
-        """The walk from `start`, a node before each bounce; its random numbers begin at `first`."""
+    def _nodes(
+        self, vertex: Vertex, start: Vec3, u: Sequence[Tensor], first: int, length: int, against: bool
+    ) -> list[Node]:
+        """The walk from `start`, a node before each bounce; its random numbers begin at `first`.
+
+        A walk `against` the light weighs by (n_wo / n_here)², for the sides that it crossed.
+        """
         distribution = vertex.distribution
         w, side, _ = vertex.enter(start)
         up, weight, others, crossed = w.z < 0, None, None, None
         entered = side
         nodes: list[Node] = []
-        for i in range(self.max_order):
-            last = i == self.max_order - 1
+        for i in range(length):
+            last = i == length - 1
             numbers = normal = None
             if not last or vertex.phase_needs_normal:
                 numbers = tuple(u[first + i * vertex.n_uniforms + n] for n in range(vertex.n_uniforms))
                 normal = vertex.visible_normal(w, numbers[0], numbers[1])
             view = View(w, distribution.guarded_area(w), normal, side)
             leg = Leg(distribution.blocking(-w), up, crossed, None, distribution.blocking(w))
-            nodes.append(Node(view, self._weight(vertex, weight, side, entered, first), leg, others))
+            carried = weight
+            if against and weight is not None and side is not None and entered is not None:
+                eta = vertex.relative_eta(side)
+                carried = weight * torch.where(side == entered, 1.0, eta * eta)
+            nodes.append(Node(view, carried, leg, others))
             if last:
                 break
             assert normal is not None and numbers is not None
@@ -93,12 +129,3 @@ class Bidirectional(PathTracer):
             weight = bounce.weight if weight is None else weight * bounce.weight
             w, side, crossed, up = -bounce.d, bounce.side, bounce.crossed, bounce.d.z > 0
         return nodes
-
-    def _weight(
-        self, vertex: Vertex, weight: Tensor | None, side: Tensor | None, entered: Tensor | None, first: int
-    ) -> Tensor | None:
-        """The weight of a sub-path; one that is walked against the light carries (n_wo / n_here)² for the sides it crossed."""
-        if first == 1 or side is None or entered is None or weight is None:
-            return weight
-        eta = vertex.relative_eta(side)
-        return weight * torch.where(side == entered, 1.0, eta * eta)

@@ -89,6 +89,10 @@ class Vertex(ABC):
         """The vertex term v(w, d) of THEORY section 4, (C, …)."""
         return self.distribution.blocking(-w) * self.phase(w, d, normal, side)
 
+    def relative_eta(self, side: Tensor) -> Tensor:
+        """n_transmitted / n_incident for light that arrives on `side`; 1 where no facet transmits."""
+        return torch.ones_like(side)
+
     def enter(self, wi: Vec3) -> tuple[Vec3, Tensor | None, Tensor]:
         """Light arrives from `wi`: the view direction in the local frame, the side, and whether the side is ours."""
         return wi, None, wi.z > 0
