@@ -107,7 +107,7 @@ TABLES = {
     "STIRLING": ({"float32": 6, "float64": 14}, {d: on_half_line(stirling, 1, 1.5) for d in ("float32", "float64")}),
     "ERFINV": (
         {"float32": 12, "float64": 30},
-        {"float32": on_interval(erfinv_ratio, 10, 17.5), "float64": on_interval(erfinv_ratio, 12, 37.5)},
+        {"float32": on_interval(erfinv_ratio, 10.0, 17.5), "float64": on_interval(erfinv_ratio, 12.0, 37.5)},
     ),
 }
 

@@ -1,5 +1,6 @@
 """What every microfacet distribution offers, derived from three functions of its own."""
 
+import math
 from abc import abstractmethod
 
 import torch
@@ -55,8 +56,11 @@ class MicrofacetDistribution(Parametric):
         return torch.where(w.z < 0, -magnitude, magnitude)
 
     def visible_density(self, w: Vec3, m: Vec3) -> Tensor:
-        """D_w(m) = D(m) ⟨w, m⟩ / σ(w)."""
-        return self.normal_density(m) * dot(w, m).clamp_min(0) / self.guarded_area(w)
+        """D_w(m) = D(m) ⟨w, m⟩ / σ(w); 0 for a w so near to straight down that σ(w)² is lost."""
+        area = self.projected_area(w)
+        ok = area > math.sqrt(smallest(area.dtype))
+        facing = torch.where(ok, dot(w, m).clamp_min(0), 0.0)
+        return self.normal_density(m) * facing / torch.where(ok, area, 1.0)
 
     def guarded_area(self, w: Vec3) -> Tensor:
         """σ(w), kept above zero at the one direction that no facet faces (straight up from below)."""
@@ -95,6 +99,8 @@ class EllipticDistribution(MicrofacetDistribution):
 
     def __init__(self, alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> None:
         super().__init__()
+        if alpha is None:
+            raise TypeError(f"{type(self).__name__}(alpha=...) must be a float, a Tensor or an nn.Parameter; got None.")
         low, high = self.limits
         remedy = "A mirror is the limit alpha -> 0: use a delta BSDF."
         self.declare("alpha", alpha, low=low, high=high, remedy=remedy)

@@ -47,7 +47,5 @@ class GGX(EllipticDistribution):
         phi = (2 * math.pi) * u0
         # m ∝ stretched(reflection + w); the z component 1 − below_top + s_z is (1 − u1) · cap.
         return normalized(
-            self.stretched(
-                Vec3(sin_theta * torch.cos(phi) + s.x, sin_theta * torch.sin(phi) + s.y, (1 - u1) * cap)
-            )
+            self.stretched(Vec3(sin_theta * torch.cos(phi) + s.x, sin_theta * torch.sin(phi) + s.y, (1 - u1) * cap))
         )
