@@ -1,0 +1,100 @@
+"""The command line: what it prints and writes, and what it says about arguments that do not fit."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+from torchms.cli import main
+
+QUICK = ["--samples", "2000", "--max-order", "3", "--theta", "0.5"]
+
+
+def test_help_answers_without_torch() -> None:
+    """`--help` must not wait for torch: it is not imported."""
+    code = "import sys, torchms.cli as c\ntry: c.main(['energy', '--help'])\nexcept SystemExit: pass\n"
+    code += "sys.exit(int('torch' in sys.modules or 'numpy' in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60).returncode == 0
+
+
+def test_help_is_quick() -> None:
+    """Best of three: a loaded machine is not a slow command."""
+    best = min(_seconds([sys.executable, "-m", "torchms", "--help"]) for _ in range(3))
+    assert best < 1.5, f"--help took {best:.2f} s (0.4 s on an idle machine)"
+
+
+def _seconds(command: list[str]) -> float:
+    start = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True)
+    return time.perf_counter() - start
+
+
+def test_table_and_json(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
+    file = tmp_path / "energy.json"
+    arguments = ["energy", "--metal", "Cu", "--alpha", "0.5,0.2", "--models", "invariance", "correlated", *QUICK]
+    assert main([*arguments, "--json", str(file)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "conductor Cu" in lines[0] and "alpha = 0.5,0.2" in lines[0]
+    assert len({len(line) for line in lines[2:3]}) == 1
+    assert [line.split()[0] for line in lines[4:8]] == ["2", "3", "rest", "total"]
+    document = json.loads(file.read_text())
+    assert [row["model"] for row in document["rows"]] == ["invariance", "correlated"]
+    row = document["rows"][0]
+    assert len(row["reflected"]) == 3 and len(row["reflected"][0]) == 3
+    total = [sum(channel) for channel in zip(*row["reflected"], strict=True)]
+    assert total == pytest.approx(row["total"], rel=1e-9)
+    assert row["total"][0] > row["total"][2] > 0, "copper is red"
+
+
+def test_dielectric_leaves_invariance_out(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["energy", "--material", "dielectric", *QUICK]) == 0
+    out = capsys.readouterr().out
+    assert "height-walk E_t" in out and "invariance: left out. Invariance() holds on one side" in out
+    assert main(["energy", "--material", "dielectric", "--models", "invariance", *QUICK]) == 2
+    assert "Use HeightWalk()" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--alpha", "0"], ["GGX(alpha=...)", "[0.001, 2]", "got 0"]),
+        (["--alpha", "a"], ["--alpha", "0.5,0.2"]),
+        (["--metal", "Xx"], ["Xx", "Au", "Cu"]),
+        (["--material", "dielectric", "--eta", "-1"], ["Dielectric(eta=...)", "got -1"]),
+        (["--material", "diffuse", "--albedo", "1.5"], ["RoughDiffuse(albedo=...)", "[0, 1]", "got 1.5"]),
+        (["--material", "diffuse", "--metal", "Au"], ["--metal", "conductor"]),
+        (["--samples", "1.5"], ["--samples", "whole number"]),
+        (["--theta", "2"], ["--theta", "[0, pi/2)", "got 2"]),
+        (["--max-order", "0"], ["max_order", "[1, 256]", "got 0"]),
+        (["--json", "missing-folder/x.json"], ["missing-folder", "does not exist"]),
+    ],
+)
+def test_arguments_that_do_not_fit(
+    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["energy", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("torchms: error: ")
+    for word in words:
+        assert word in error
+
+
+def test_unknown_choice(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["energy", "--material", "wood"])
+    assert stop.value.code == 2
+    captured = capsys.readouterr()
+    assert "dielectric" in captured.out + captured.err
+
+
+def test_never_overwrites(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
+    file = tmp_path / "energy.json"
+    file.write_text("mine")
+    assert main(["energy", *QUICK, "--json", str(file)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert file.read_text() == "mine"
+    assert main(["energy", "--models", "single-bounce", *QUICK, "--json", str(file), "--force"]) == 0
+    assert json.loads(file.read_text())["rows"]
+    assert [p.name for p in tmp_path.iterdir()] == ["energy.json"], "no temporary file is left"
