@@ -1,5 +1,6 @@
 """Finished shards on disk: a directory with one configuration and one atomic file a shard."""
 
+import io
 import json
 import warnings
 import zipfile
@@ -9,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from torchms.microsurface.mesh import write_atomic
+from torchms.files import write_whole
 from torchms.microsurface.plan import Partial, Plan, Shard
 
 CONFIGURATION = "configuration.json"
@@ -17,7 +18,7 @@ CONFIGURATION = "configuration.json"
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where the shards of one `Plan` are kept. Several processes may use one directory; a shard is written whole or not."""
+    """Where the shards of one `Plan` are kept; several processes may use one directory."""
 
     directory: Path
     plan: Plan
@@ -26,7 +27,8 @@ class Checkpoint:
     def open(directory: Path, plan: Plan) -> "Checkpoint":
         """The checkpoint in `directory`, made if need be.
 
-        Raises ValueError that names each difference if it belongs to another configuration, OSError if it cannot be made.
+        Raises ValueError that names each difference if it belongs to another configuration, OSError if it cannot be
+        made.
         """
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -39,17 +41,19 @@ class Checkpoint:
         if not path.exists():
             if any(directory.glob("shard-*.npz")):
                 raise ValueError(
-                    f"simulate(checkpoint=...): {directory} holds shards but no {CONFIGURATION}; nobody can tell what they "
-                    "belong to. Name an empty directory."
+                    f"simulate(checkpoint=...): {directory} holds shards but no {CONFIGURATION}; nobody can "
+                    "tell what they belong to. Name an empty directory."
                 )
             # Workers that start together write the same bytes.
             content = json.dumps(mine, indent=1).encode()
-            write_atomic(path, lambda file: file.write(content), force=True)
+            write_whole(path, content, force=True)
             return Checkpoint(directory, plan)
         try:
             theirs = json.loads(path.read_text())
         except ValueError as error:
-            raise ValueError(f"simulate(checkpoint=...): {path} is not JSON ({error}). Name another directory.") from error
+            raise ValueError(
+                f"simulate(checkpoint=...): {path} is not JSON ({error}). Name another directory."
+            ) from error
         different = differences(theirs, mine)
         if different:
             raise ValueError(
@@ -65,7 +69,9 @@ class Checkpoint:
 
     def save(self, shard: Shard, found: Partial) -> None:
         """Keep one finished shard."""
-        write_atomic(self.path(shard), lambda file: np.savez_compressed(file, **found.arrays()), force=True)
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **found.arrays())
+        write_whole(self.path(shard), buffer.getvalue(), force=True)
 
     def load(self, shard: Shard) -> Partial | None:
         """A finished shard, or None if it has to be traced (an unreadable file is reported, and traced again)."""

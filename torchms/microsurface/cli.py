@@ -73,14 +73,14 @@ class SimulateOptions:
 def run_simulate(options: SimulateOptions) -> dict[str, Any]:
     """Run `torchms simulate`: print the energies, write the files asked for, return what the JSON holds.
 
-    Under torchrun every process takes part and the first one prints and writes. Raises ValueError, OSError or ImportError
-    with a message for the user.
+    Under torchrun every process takes part and the first one prints and writes. Raises ValueError, OSError or
+    ImportError with a message for the user.
     """
-    from torchms.microsurface.mesh import check_writable
+    from torchms.files import check_writable
 
     for path in (options.json, options.lobes):
         if path is not None:
-            check_writable(path, force=options.force)
+            check_writable(path, options.force)
     check_options(options)
 
     from torchms.microsurface.distributed import process_group, rank_and_size
@@ -191,21 +191,18 @@ def _without_infinity(value: Any) -> Any:
 
 def write(tally: "Tally", result: dict[str, Any], options: SimulateOptions) -> None:
     """Write the files that the options ask for, atomically."""
-    import json
+    import io
 
     import numpy as np
 
-    from torchms.microsurface.mesh import write_atomic
+    from torchms.files import write_json, write_whole
 
     if options.json is not None:
-        content = (json.dumps(result, indent=1, allow_nan=False) + "\n").encode()
-        write_atomic(options.json, lambda file: file.write(content), force=options.force)
-    lobes = tally.lobes
-    if options.lobes is not None and lobes is not None:
-        mean, stderr = lobes.mean.numpy(), lobes.stderr.numpy()
-        write_atomic(
-            options.lobes, lambda file: np.savez_compressed(file, mean=mean, stderr=stderr), force=options.force
-        )
+        write_json(options.json, result, options.force)
+    if options.lobes is not None and tally.lobes is not None:
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, mean=tally.lobes.mean.numpy(), stderr=tally.lobes.stderr.numpy())
+        write_whole(options.lobes, buffer.getvalue(), options.force)
 
 
 def table(result: dict[str, Any]) -> str:

@@ -1,7 +1,7 @@
 """One simulation on many processes under torch.distributed (gloo), with the same bits for any number of them.
 
-Each process traces a run of whole shards; all sums are of whole numbers, so their order does not matter. `simulate` does
-this by itself once a process group is up, e.g. `torchrun --nproc-per-node=2 -m torchms simulate ...`.
+Each process traces a run of whole shards; all sums are of whole numbers, so their order does not matter. `simulate`
+does this by itself once a process group is up, e.g. `torchrun --nproc-per-node=2 -m torchms simulate ...`.
 """
 
 import os
@@ -21,7 +21,7 @@ PATIENCE = timedelta(days=30)
 @contextmanager
 def process_group() -> Iterator[None]:
     """A gloo process group if torchrun started this process, else nothing."""
-    if "TORCHELASTIC_RUN_ID" not in os.environ and "WORLD_SIZE" not in os.environ or dist.is_initialized():
+    if "WORLD_SIZE" not in os.environ or dist.is_initialized():
         yield
         return
     dist.init_process_group("gloo", timeout=PATIENCE)
@@ -70,7 +70,7 @@ def add_up(total: Partial) -> None:
         dist.all_reduce(torch.from_numpy(array), dist.ReduceOp.MAX if name == "measured" else dist.ReduceOp.SUM)
 
 
-def slowest_and_sum(slowest: Sequence[float], summed: Sequence[float]) -> tuple[list[float], list[float]]:
+def slowest_and_sum(slowest: Sequence[float], summed: Sequence[int]) -> tuple[list[float], list[float]]:
     """Maximum of the first numbers and sum of the others over all processes."""
     a, b = (torch.tensor(list(v), dtype=torch.float64) for v in (slowest, summed))
     if rank_and_size()[1] > 1:

@@ -1,6 +1,7 @@
 """Numba kernels around Embree's queries: where rays start, and what its triangle numbers mean. Import it lazily."""
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -13,6 +14,7 @@ MAX_WRAPS = 1_000_000
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def surface_height(h, x, y):
     """Height of the mesh at (x, y), any period."""
     nx, ny = h.shape
@@ -34,6 +36,7 @@ def surface_height(h, x, y):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def put_start(h, x, y, side, offset, origin, q, cx, cy):
     """Start of a ray on the facet at (x, y): float32 x and y first, then the height there, plus the offset."""
     fx = np.float32(x - cx)
@@ -44,6 +47,7 @@ def put_start(h, x, y, side, offset, origin, q, cx, cy):
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def start(h, scale, offset, x, y, z, d, tri, side, pending, tries, travelled, origin, direction, n):
     """Fill Embree's rays for the first n paths."""
     nx, ny = h.shape
@@ -66,6 +70,7 @@ def start(h, scale, offset, x, y, z, d, tri, side, pending, tries, travelled, or
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def resolve(
     h, scale, offset, margin, top, bottom, x, y, z, d, tri, side, pending, tries, travelled, origin, direction, ids
 ):

@@ -1,13 +1,14 @@
 """Numba kernels on batches of rays: launch, facet scattering, tally. Import it lazily: Numba is an extra.
 
-Positions are in the grid frame of `frame.Grid` (cells along x and y), directions in the world frame. A ray that sits on a
-facet has its number in `tri`, and `side` +1 above the surface, −1 below it. Every random number is Philox4x32-10
+Positions are in the grid frame of `grid.Grid` (cells along x and y), directions in the world frame. A ray that sits on
+a facet has its number in `tri`, and `side` +1 above the surface, −1 below it. Every random number is Philox4x32-10
 [Salmon2011] of (key of the shard, ray, event): no state, so results depend neither on threads nor on batches.
-Kernels carry no annotations, since the type checker's import hook would wrap them before Numba sees them. They
+Kernels carry `no_type_check`, since the type checker's import hook would wrap them before Numba sees them. They
 all live in one file, since Numba's disk cache notices a change only in the file of the kernel itself.
 """
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -29,6 +30,7 @@ _HIGH = np.uint64(32)
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def philox(c0, c1, c2, c3, k0, k1):
     """Four 32-bit words of Philox4x32-10 at counter c, key k."""
     for _ in range(10):
@@ -46,6 +48,7 @@ def philox(c0, c1, c2, c3, k0, k1):
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def philox_words(counter, key):
     """`philox` for tests: counter (4,), key (2,) uint32."""
     a, b, c, d = philox(counter[0], counter[1], counter[2], counter[3], key[0], key[1])
@@ -53,12 +56,14 @@ def philox_words(counter, key):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def unit(word):
     """Uniform number in (0, 1) from 32 random bits."""
     return (np.float64(word) + 0.5) * (1.0 / 4294967296.0)
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def even_bits(v):
     """The 32 bits of `v` at even places, packed."""
     v &= np.uint64(0x5555555555555555)
@@ -70,6 +75,7 @@ def even_bits(v):
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def launch(first, total, key, wi, nx, ny, top, x, y, z, d, tri, side, ray, n):
     """Rays `first` … `first + n − 1` of a shard of `total`, along −wi, over the tile at height `top`.
 
@@ -94,6 +100,7 @@ def launch(first, total, key, wi, nx, ny, top, x, y, z, d, tri, side, ray, n):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def facet_slopes(h, t, kx, ky):
     """World slopes of facet t; kx, ky turn height steps per cell into slopes."""
     nx, ny = h.shape
@@ -110,6 +117,7 @@ def facet_slopes(h, t, kx, ky):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def vertex_slopes(h, i, j, kx, ky):
     """World slopes at a vertex, by central differences."""
     nx, ny = h.shape
@@ -121,9 +129,10 @@ def vertex_slopes(h, i, j, kx, ky):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def smooth_slopes(h, t, x, y, kx, ky):
     """World slopes at (x, y) of facet t, interpolated between its three vertices."""
-    nx, ny = h.shape
+    ny = h.shape[1]
     cell = t >> 1
     i = cell // ny
     j = cell - i * ny
@@ -141,6 +150,7 @@ def smooth_slopes(h, t, x, y, kx, ky):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def normal(sx, sy, side):
     """Unit normal of the slopes, towards the side the light is on."""
     c = side / math.sqrt(1 + sx * sx + sy * sy)
@@ -148,6 +158,7 @@ def normal(sx, sy, side):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def shading_normal(h, t, x, y, kx, ky, side, smooth, dx, dy, dz):
     """Normal to scatter about; the facet's own where an interpolated one faces away from the light."""
     sx, sy = facet_slopes(h, t, kx, ky)
@@ -161,6 +172,7 @@ def shading_normal(h, t, x, y, kx, ky, side, smooth, dx, dy, dz):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def put_direction(d, r, dx, dy, dz, gx, gy, gz, side):
     """Store the unit direction; one on the wrong side of the facet (interpolated normals only) is mirrored back."""
     c = (dx * gx + dy * gy + dz * gz) * side
@@ -176,6 +188,7 @@ def put_direction(d, r, dx, dy, dz, gx, gy, gz, side):
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def scatter_mirror(h, kx, ky, smooth, x, y, d, tri, side, cosine, n):
     """Reflect every ray at its facet; `cosine` receives w · m."""
     for r in range(n):
@@ -187,6 +200,7 @@ def scatter_mirror(h, kx, ky, smooth, x, y, d, tri, side, cosine, n):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def dielectric_reflectance(c, eta):
     """Unpolarised Fresnel reflectance and cos θ_t for cos θ_i = c and η = n_t / n_i; total reflection: 1, 0."""
     cos2_t = 1 - (1 - c * c) / (eta * eta)
@@ -199,6 +213,7 @@ def dielectric_reflectance(c, eta):
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def scatter_dielectric(h, kx, ky, smooth, eta, event, key, x, y, d, tri, side, ray, n):
     """Reflect with probability F, else refract and change side."""
     for r in range(n):
@@ -214,11 +229,14 @@ def scatter_dielectric(h, kx, ky, smooth, eta, event, key, x, y, d, tri, side, r
         else:
             # Snell: the tangential part shrinks by 1/η; c / η − cos θ_t goes along the normal.
             g = c / relative - ct
-            put_direction(d, r, dx / relative + g * mx, dy / relative + g * my, dz / relative + g * mz, gx, gy, gz, -1.0)
+            put_direction(
+                d, r, dx / relative + g * mx, dy / relative + g * my, dz / relative + g * mz, gx, gy, gz, -1.0
+            )
             side[r] = -s
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def scatter_lambertian(h, kx, ky, smooth, event, key, x, y, d, tri, side, ray, n):
     """Cosine-distributed directions about the normal."""
     for r in range(n):
@@ -237,12 +255,14 @@ def scatter_lambertian(h, kx, ky, smooth, event, key, x, y, d, tri, side, ray, n
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def in_steps(energy):
     """Energy as a whole number of 1/UNIT."""
     return np.int64(energy * UNIT + 0.5)
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def settle(order, factor, weighted, weight, reflected, transmitted, leaked, lobes, x, y, z, d, tri, side, ray, n):
     """Tally the rays that left after `order` events or leaked, close the gaps, and return how many go on.
 
@@ -295,6 +315,7 @@ def settle(order, factor, weighted, weight, reflected, transmitted, leaked, lobe
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def remaining(factor, weighted, weight, rest, n):
     """Add the energy of the first n rays to `rest` (C,)."""
     for r in range(n):

@@ -48,7 +48,7 @@ class Paths:
     """State of a batch of light paths; the first `n` entries live.
 
     x, y, z: place in the grid frame. d: (N, 3) world direction of propagation. tri: facet the path is on, or −1
-    before the first; after a cast also ESCAPED, LEAKED. side: +1 above the surface, −1 below. ray: number within its shard.
+    before the first; after a cast also ESCAPED, LEAKED. side: +1 above the surface, −1 below. ray: number in its shard.
     weight: (N, C) energy of the path, for materials whose facets absorb; (0, C) otherwise.
     """
 

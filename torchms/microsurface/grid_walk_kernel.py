@@ -1,11 +1,12 @@
 """Numba kernel of `GridTracer`: an exact float64 walk through the cells. Import it lazily: Numba is an extra.
 
-The surface is a function of (x, y), so a ray above it stays above it until f = z_ray − z_surface changes sign inside some
-facet. The walk visits the facets in order and asks each for that sign: it cannot slip through an edge, needs no
+The surface is a function of (x, y), so a ray above it stays above it until f = z_ray − z_surface changes sign inside
+some facet. The walk visits the facets in order and asks each for that sign: it cannot slip through an edge, needs no
 offset, and starts on its own facet without meeting it. Blocks of 8 × 8 cells are skipped when the ray passes over them.
 """
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -19,6 +20,7 @@ MAX_BLOCKS = 10_000_000
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def block_bounds(h):
     """Highest and lowest point of each block of 2^SHIFT × 2^SHIFT cells, float64."""
     nx, ny = h.shape
@@ -38,6 +40,7 @@ def block_bounds(h):
 
 
 @njit(nogil=True, cache=True, inline="always")
+@no_type_check
 def facet_hit(upper, h00, h10, h01, h11, ox, oy, oz, dx, dy, dz, i, j, ta, tb):
     """Ray parameter where the ray comes through this half of cell (i, j) between ta and tb (inf: not), and f(ta)."""
     u = ox + ta * dx - i
@@ -59,11 +62,12 @@ def facet_hit(upper, h00, h10, h01, h11, ox, oy, oz, dx, dy, dz, i, j, ta, tb):
 
 
 @njit(nogil=True, cache=True)
+@no_type_check
 def walk(h, top, bottom, scale, x, y, z, d, tri, side, n):
     """Move the first n rays to the facet they meet, in place; `tri` becomes its number, ESCAPED or LEAKED.
 
-    h (nx, ny) float32, block bounds as above, `scale` (3,) turns world directions into the grid frame. Returns the number
-    of leaked rays.
+    h (nx, ny) float32, block bounds as above, `scale` (3,) turns world directions into the grid frame. Returns how
+    many rays leaked.
     """
     nx, ny = h.shape
     zmax = -np.inf
@@ -114,10 +118,10 @@ def walk(h, top, bottom, scale, x, y, z, d, tri, side, n):
                 t0 = tb
                 if tbx < tby:
                     i = hi_i if dx > 0 else lo_i - 1
-                    j = min(max(int(math.floor(oy + tb * dy)), lo_j), hi_j - 1)
+                    j = min(max(math.floor(oy + tb * dy), lo_j), hi_j - 1)
                 else:
                     j = hi_j if dy > 0 else lo_j - 1
-                    i = min(max(int(math.floor(ox + tb * dx)), lo_i), hi_i - 1)
+                    i = min(max(math.floor(ox + tb * dx), lo_i), hi_i - 1)
                 own = -1
             else:
                 hit = -1

@@ -4,7 +4,7 @@ import math
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
-from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,9 @@ SLOPE_CHANGE_PER_TEXEL = math.sqrt(3)
 MAX_SLOPE_CHANGE = 0.25
 MIN_CORRELATIONS = 8
 
+Length = float | int
+Spacing = Length | tuple[Length, Length]
+
 
 @dataclass(frozen=True)
 class Heightfield:
@@ -30,7 +33,7 @@ class Heightfield:
     """
 
     heights: np.ndarray
-    spacing: tuple[float, float]
+    spacing: tuple[Length, Length]
 
     def __post_init__(self) -> None:
         checked_heights(self.heights, "Heightfield(heights=...)")
@@ -38,18 +41,18 @@ class Heightfield:
 
     @staticmethod
     def gaussian(
-        alpha: float,
-        alpha_y: float | None = None,
+        alpha: float | int,
+        alpha_y: float | int | None = None,
         *,
         size: int = 1024,
-        texels_per_correlation: float = 16.0,
+        texels_per_correlation: float | int = 16.0,
         seed: int,
     ) -> "Heightfield":
         """Gaussian random heights with slope variances α_x²/2, α_y²/2: a Beckmann microsurface (THEORY 10).
 
         size: texels along each edge of the tile. texels_per_correlation: texels in one correlation length l, where
-        the autocorrelation is exp(−r²/l²); l along x is the unit of length. The slope rms of the facets is exact on both
-        axes: the heights are scaled to α_x, then dy is chosen for α_y, so both axes are resolved equally well
+        the autocorrelation is exp(−r²/l²); l along x is the unit of length. The slope rms of the facets is exact on
+        both axes: the heights are scaled to α_x, then dy is chosen for α_y, so both axes are resolved equally well
         however anisotropic the surface is.
         Raises ValueError if the texels cannot resolve the slopes, and says the size that can.
         """
@@ -64,14 +67,12 @@ class Heightfield:
         return Heightfield(h, (dx, dy))
 
     @staticmethod
-    def from_heights(
-        heights: Any, spacing: float | tuple[float, float], *, periodic: bool = False, level: bool = True
-    ) -> "Heightfield":
+    def from_heights(heights: Any, spacing: Spacing, *, periodic: bool = False, level: bool = True) -> "Heightfield":
         """A surface of your own: `heights[i, j]` at (i · dx, j · dy), in the unit of `spacing` (dx, or (dx, dy)).
 
         periodic: the array tiles without a seam. Otherwise the tile is the array and its mirror images, which has no
-        cliff at the seam and the same slope magnitudes. level: take off the least-squares plane first (a tilted sample).
-        Raises ValueError for heights that are not a finite 2-D array of at least 4 × 4, or a spacing that is not positive.
+        cliff at the seam and the same slope magnitudes. level: take off the least-squares plane first (tilted samples).
+        Raises ValueError for heights that are not a finite 2-D array of at least 4 × 4, or a spacing not above 0.
         """
         h = np.array(checked_heights(np.asarray(heights), "Heightfield.from_heights(heights=...)"), dtype=np.float64)
         if level and not periodic:
@@ -85,9 +86,9 @@ class Heightfield:
         change = surface.texel_slope_change
         if change > MAX_SLOPE_CHANGE:
             warnings.warn(
-                f"Heightfield.from_heights: the slope changes by {change:.2f} (rms) from texel to texel, more than the "
-                f"{MAX_SLOPE_CHANGE} a triangle mesh resolves: orders above 2 will depend on the texels. Measure with a "
-                f"spacing about {change / MAX_SLOPE_CHANGE:.1f} times finer, or low-pass the noise.",
+                f"Heightfield.from_heights: the slope changes by {change:.2f} (rms) from texel to texel, more than "
+                f"the {MAX_SLOPE_CHANGE} a triangle mesh resolves: orders above 2 will depend on the texels. Measure with "
+                f"a spacing about {change / MAX_SLOPE_CHANGE:.1f} times finer, or low-pass the noise.",
                 stacklevel=2,
             )
         return surface
@@ -107,18 +108,18 @@ class Heightfield:
             seam = max(np.abs(heights[-1] - heights[0]).max(), np.abs(heights[:, -1] - heights[:, 0]).max())
             if seam > step:
                 raise ValueError(
-                    f"Heightfield.from_mesh(periodic=True): first and last row differ by up to {seam:.3g}; they must be "
-                    "equal for the tile to repeat. Pass periodic=False to mirror it instead."
+                    f"Heightfield.from_mesh(periodic=True): first and last row differ by up to {seam:.3g}; they must "
+                    "be equal for the tile to repeat. Pass periodic=False to mirror it instead."
                 )
             heights = heights[:-1, :-1]
         return Heightfield.from_heights(heights, spacing, periodic=periodic, level=level)
 
     @staticmethod
     def from_file(
-        path: str | PathLike,
-        spacing: float | tuple[float, float] = 1.0,
+        path: str | Path,
+        spacing: Spacing = 1.0,
         *,
-        height_scale: float = 1.0,
+        height_scale: float | int = 1.0,
         periodic: bool = False,
         level: bool = True,
     ) -> "Heightfield":
@@ -171,9 +172,7 @@ class Heightfield:
     @cached_property
     def texel_slope_change(self) -> float:
         """rms change of slope between neighbouring facets along an axis, the larger of the two axes."""
-        change = [
-            _rms(_forward(_forward(self.heights, axis), axis)) / step for axis, step in enumerate(self.spacing)
-        ]
+        change = [_rms(_forward(_forward(self.heights, axis), axis)) / step for axis, step in enumerate(self.spacing)]
         return float(max(change))
 
     @cached_property
@@ -183,7 +182,7 @@ class Heightfield:
 
         return mesh_of_grid(np.pad(self.heights, ((0, 1), (0, 1)), mode="wrap"), self.spacing)
 
-    def export(self, path: str | PathLike, *, force: bool = False) -> None:
+    def export(self, path: str | Path, *, force: bool = False) -> None:
         """Write the tile: .npy holds the heights, any other suffix (.ply, .obj, .stl, …) `mesh`, by trimesh.
 
         Atomic. Raises FileExistsError if `path` exists and not `force`.
@@ -231,11 +230,11 @@ class Heightfield:
 class GaussianSurfaces:
     """Recipe for `count` independent surfaces `Heightfield.gaussian(alpha, alpha_y, ...)`, seeded by the simulation."""
 
-    alpha: float
-    alpha_y: float | None = None
+    alpha: float | int
+    alpha_y: float | int | None = None
     count: int = 8
     size: int = 1024
-    texels_per_correlation: float = 16.0
+    texels_per_correlation: float | int = 16.0
 
     def __post_init__(self) -> None:
         ax = checked_alpha(self.alpha, "GaussianSurfaces(alpha=...)")
@@ -257,7 +256,7 @@ class GaussianSurfaces:
         )
 
 
-def checked_alpha(alpha: float, name: str) -> float:
+def checked_alpha(alpha: float | int, name: str) -> float:
     """`alpha` if a surface can have it, or ValueError."""
     if not (math.isfinite(alpha) and 1e-3 <= alpha <= 2):
         raise ValueError(f"{name} must lie in [1e-3, 2]; got {alpha}. A mirror is the limit alpha -> 0.")
@@ -268,20 +267,20 @@ def checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
     """`heights` if they are a finite real array of at least 4 × 4, or ValueError."""
     if heights.ndim != 2 or min(heights.shape) < 4 or heights.dtype.kind not in "fiub":
         raise ValueError(
-            f"{name} must be a real 2-D array of at least 4 x 4 texels; got shape {heights.shape}, dtype {heights.dtype}. "
-            "Pass one channel of the height map."
+            f"{name} must be a real 2-D array of at least 4 x 4 texels; got shape {heights.shape}, dtype "
+            f"{heights.dtype}. Pass one channel of the height map."
         )
     bad = ~np.isfinite(heights)
     if bad.any():
         first = tuple(int(i) for i in np.argwhere(bad)[0])
         raise ValueError(
-            f"{name} must be finite; got {heights[first]} at index {first} ({int(bad.sum())} of {heights.size} texels). "
-            "Fill or crop the holes of the measurement first."
+            f"{name} must be finite; got {heights[first]} at index {first} ({int(bad.sum())} of {heights.size} "
+            "texels). Fill or crop the holes of the measurement first."
         )
     return heights
 
 
-def checked_spacing(spacing: tuple[float, float], name: str) -> tuple[float, float]:
+def checked_spacing(spacing: tuple[Length, Length], name: str) -> tuple[float, float]:
     """`spacing` as two floats if both are finite and positive, or ValueError."""
     if len(spacing) != 2 or not all(math.isfinite(step) and step > 0 for step in spacing):
         raise ValueError(
@@ -290,7 +289,7 @@ def checked_spacing(spacing: tuple[float, float], name: str) -> tuple[float, flo
     return (float(spacing[0]), float(spacing[1]))
 
 
-def check_resolution(alpha: float, size: int, texels_per_correlation: float) -> None:
+def check_resolution(alpha: float, size: int, texels_per_correlation: float | int) -> None:
     """Raise ValueError if `size` texels at this resolution cannot carry slopes of `alpha`; say what can."""
     # A facet must not turn by more than MAX_SLOPE_CHANGE against its neighbour. Measured: half of that again moves
     # E_1 … E_3 by less than 0.0015.
@@ -298,18 +297,19 @@ def check_resolution(alpha: float, size: int, texels_per_correlation: float) -> 
     texels = math.ceil(least)
     if not (math.isfinite(texels_per_correlation) and texels_per_correlation >= least):
         raise ValueError(
-            f"Heightfield.gaussian(texels_per_correlation=...) must be at least {least:.3g} to resolve alpha = {alpha:g}; "
-            f"got {texels_per_correlation}. Use texels_per_correlation={texels} with size={MIN_CORRELATIONS * texels} or more."
+            f"Heightfield.gaussian(texels_per_correlation=...) must be at least {least:.3g} to resolve alpha = "
+            f"{alpha:g}; got {texels_per_correlation}. Use texels_per_correlation={texels} with "
+            f"size={MIN_CORRELATIONS * texels} or more."
         )
     needed = math.ceil(MIN_CORRELATIONS * texels_per_correlation)
     if size < needed:
         raise ValueError(
-            f"Heightfield.gaussian(size=...) must be at least {needed} texels, {MIN_CORRELATIONS} correlation lengths of "
-            f"{texels_per_correlation:g} texels; got {size}. Use size={needed} or more."
+            f"Heightfield.gaussian(size=...) must be at least {needed} texels, {MIN_CORRELATIONS} correlation lengths "
+            f"of {texels_per_correlation:g} texels; got {size}. Use size={needed} or more."
         )
 
 
-def _gaussian_correlated(size: int, length: float, seed: int) -> np.ndarray:
+def _gaussian_correlated(size: int, length: float | int, seed: int) -> np.ndarray:
     """Periodic Gaussian noise with autocorrelation ∝ exp(−r²/length²), length in texels (spectral synthesis)."""
     noise = np.random.Generator(np.random.Philox(seed)).standard_normal((size, size))
     kx = 2 * math.pi * np.fft.fftfreq(size)

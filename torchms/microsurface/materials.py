@@ -103,13 +103,13 @@ class Mirror(FacetMaterial):
 class Refractive(FacetMaterial):
     """Smooth dielectric facets, η = n_inside / n_outside; light comes from outside (take 1/η for light from inside)."""
 
-    eta: float
+    eta: float | int
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.eta) and 0.1 <= self.eta <= 10) or self.eta == 1:
             raise ValueError(
-                f"Refractive(eta=...) must lie in [0.1, 10] and differ from 1; got {self.eta}. It is n_inside / n_outside: "
-                "1.5 for glass seen from air, 1/1.5 from within."
+                f"Refractive(eta=...) must lie in [0.1, 10] and differ from 1; got {self.eta}. It is n_inside / "
+                "n_outside: 1.5 for glass seen from air, 1/1.5 from within."
             )
 
     def scatter(self, paths: Paths, grid: Grid, event: int, key: np.ndarray, interpolate: bool) -> None:
@@ -131,11 +131,17 @@ class Refractive(FacetMaterial):
 class Lambertian(FacetMaterial):
     """Ideally diffuse facets with `albedo`, a number or one a channel."""
 
-    albedo: float | Sequence[float] = 1.0
+    albedo: float | int | Sequence[float | int] = 1.0
 
     def __post_init__(self) -> None:
         values = self._values
-        if values.ndim != 1 or values.size == 0 or not np.isfinite(values).all() or values.min() < 0 or values.max() > 1:
+        if (
+            values.ndim != 1
+            or values.size == 0
+            or not np.isfinite(values).all()
+            or values.min() < 0
+            or values.max() > 1
+        ):
             raise ValueError(
                 f"Lambertian(albedo=...) must be one or more numbers in [0, 1]; got {self.albedo}. "
                 "A facet cannot reflect more than it receives."

@@ -1,12 +1,12 @@
 """Heightfields as triangle meshes and as files: trimesh, 16-bit images, .npy."""
 
-import os
-import tempfile
-from collections.abc import Callable
+import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from torchms.files import check_writable, write_whole
 
 if TYPE_CHECKING:
     import trimesh
@@ -29,7 +29,7 @@ def triangle_indices(nx: int, ny: int) -> np.ndarray:
     return faces.reshape(-1, 3)
 
 
-def mesh_of_grid(heights: np.ndarray, spacing: tuple[float, float]) -> "trimesh.Trimesh":
+def mesh_of_grid(heights: np.ndarray, spacing: tuple[float | int, float | int]) -> "trimesh.Trimesh":
     """The mesh over a full grid of vertices (nothing wraps here)."""
     trimesh = import_trimesh()
     nx, ny = heights.shape
@@ -46,7 +46,9 @@ def grid_of_mesh(mesh: "trimesh.Trimesh") -> tuple[np.ndarray, tuple[float, floa
     remedy = "Resample it to a regular grid of heights and use Heightfield.from_heights."
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     if len(vertices) < 16 or not np.isfinite(vertices).all():
-        raise ValueError(f"{where} must have at least 16 vertices, all finite; got {len(vertices)}. Repair the mesh first.")
+        raise ValueError(
+            f"{where} must have at least 16 vertices, all finite; got {len(vertices)}. Repair the mesh first."
+        )
     normal_z = _twice_area_z(vertices, np.asarray(mesh.faces))
     if (normal_z < 0).all():
         normal_z = -normal_z
@@ -78,13 +80,14 @@ def grid_of_mesh(mesh: "trimesh.Trimesh") -> tuple[np.ndarray, tuple[float, floa
     full = (shape[0] - 1) * (shape[1] - 1) * spacing[0] * spacing[1]
     if holes or fold > 1e-6 * max(spacing) or abs(covered / full - 1) > 1e-6:
         raise ValueError(
-            f"{where} must cover its rectangle once, without holes; {holes} of {heights.size} grid points have no vertex and "
-            f"its faces cover {100 * covered / full:.4g} % of the rectangle. Fill the holes (trimesh.repair). {remedy}"
+            f"{where} must cover its rectangle once, without holes; {holes} of {heights.size} grid points have no "
+            f"vertex and its faces cover {100 * covered / full:.4g} % of the rectangle. Fill the holes (trimesh.repair). "
+            f"{remedy}"
         )
     return heights, spacing
 
 
-def read_mesh(path: str | os.PathLike) -> Any:
+def read_mesh(path: str | Path) -> Any:
     """The mesh at `path`, or None if its suffix is not a mesh's."""
     _check_readable(path)
     if Path(path).suffix.lower() not in MESH_SUFFIXES:
@@ -92,7 +95,7 @@ def read_mesh(path: str | os.PathLike) -> Any:
     return import_trimesh().load(path, force="mesh", process=False)
 
 
-def read_heights(path: str | os.PathLike) -> np.ndarray:
+def read_heights(path: str | Path) -> np.ndarray:
     """Heights in .npy or in a 16-bit or float PNG/TIFF, as float64; an image's columns become the first axis (x)."""
     _check_readable(path)
     suffix = Path(path).suffix.lower()
@@ -107,61 +110,34 @@ def read_heights(path: str | os.PathLike) -> np.ndarray:
     try:
         from PIL import Image
     except ImportError as error:
-        raise ImportError("Reading PNG and TIFF height maps needs Pillow: pip install pillow, or pass a .npy.") from error
+        raise ImportError(
+            "Reading PNG and TIFF height maps needs Pillow: pip install pillow, or pass a .npy."
+        ) from error
     with Image.open(path) as image:
         if image.mode not in ("I;16", "I;16B", "I;16L", "I", "F"):
             raise ValueError(
-                f"Heightfield.from_file(path=...) must be a 16-bit (or float) height map of one channel; {path} has mode "
-                f"{image.mode}. 256 steps of height make terraces: export the measurement with 16 bits."
+                f"Heightfield.from_file(path=...) must be a 16-bit (or float) height map of one channel; {path} has "
+                f"mode {image.mode}. 256 steps of height make terraces: export the measurement with 16 bits."
             )
         pixels = np.array(image)
     return pixels.astype(np.float64).T
 
 
-def export(surface: "Heightfield", path: str | os.PathLike, *, force: bool) -> None:
+def export(surface: "Heightfield", path: str | Path, *, force: bool) -> None:
     """Write `surface` as .npy or mesh, atomically."""
+    check_writable(path, force)
     suffix = Path(path).suffix.lower()
     if suffix == ".npy":
-        write_atomic(path, lambda file: np.save(file, surface.heights), force=force)
+        buffer = io.BytesIO()
+        np.save(buffer, surface.heights)
+        content = buffer.getvalue()
     elif suffix in MESH_SUFFIXES:
         data = surface.mesh.export(file_type=suffix[1:])
         content = data.encode() if isinstance(data, str) else data
-        write_atomic(path, lambda file: file.write(content), force=force)
     else:
         allowed = ", ".join((".npy", *MESH_SUFFIXES))
         raise ValueError(f"Heightfield.export(path=...) must end in one of {allowed}; got {path}.")
-
-
-def check_writable(path: str | os.PathLike, *, force: bool) -> None:
-    """Raise now, before hours of work, if `path` cannot be written later."""
-    path = Path(path)
-    if path.is_dir():
-        raise IsADirectoryError(f"Cannot write {path}: it is a directory. Name a file in it.")
-    if path.exists() and not force:
-        raise FileExistsError(f"{path} exists; it is not overwritten. Pass force (--force), or name another file.")
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"Cannot write {path}: {path.parent} is not a directory. Create it first.")
-    if not os.access(path.parent, os.W_OK):
-        raise PermissionError(f"Cannot write {path}: no permission to write in {path.parent}.")
-
-
-def write_atomic(path: str | os.PathLike, write: Callable[[BinaryIO], Any], *, force: bool) -> None:
-    """Let `write` fill a temporary file beside `path`, then put it in place in one step."""
-    check_writable(path, force=force)
-    handle, temporary = tempfile.mkstemp(dir=Path(path).parent, prefix=f".{Path(path).name}.", suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        # mkstemp makes the file private; give it what a plain open() would have.
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_whole(path, content, force)
 
 
 def import_trimesh() -> Any:
@@ -173,7 +149,7 @@ def import_trimesh() -> Any:
     return trimesh
 
 
-def _check_readable(path: str | os.PathLike) -> None:
+def _check_readable(path: str | Path) -> None:
     if not Path(path).is_file():
         raise FileNotFoundError(f"Heightfield.from_file(path=...): there is no file {path}.")
 

@@ -100,14 +100,16 @@ class Plan:
         wi = self.wi
         if wi.shape != (3,) or not np.isfinite(wi).all() or abs(float(wi @ wi) - 1) > 1e-5 or not wi[2] > 0:
             raise ValueError(
-                f"simulate(wi=...) must be a unit vector (3,) above the horizon, away from the surface; got {wi.tolist()}. "
-                "Use torch.nn.functional.normalize; for light from inside a dielectric pass Refractive(1 / eta)."
+                f"simulate(wi=...) must be a unit vector (3,) above the horizon, away from the surface; got "
+                f"{wi.tolist()}. Use torch.nn.functional.normalize; for light from inside a dielectric pass "
+                "Refractive(1 / eta)."
             )
         if self.n_surfaces < 1:
             raise ValueError("simulate(surface=...) must hold at least 1 surface; got an empty sequence.")
         if not self.n_surfaces <= self.n_rays <= 2**32:
             raise ValueError(
-                f"simulate(n_rays=...) must lie in [{self.n_surfaces}, 2**32], one or more a surface; got {self.n_rays}."
+                f"simulate(n_rays=...) must lie in [{self.n_surfaces}, 2**32], one or more a surface; got "
+                f"{self.n_rays}."
             )
         if not 1 <= self.max_order <= 1000:
             raise ValueError(f"simulate(max_order=...) must lie in [1, 1000]; got {self.max_order}. Use 10.")

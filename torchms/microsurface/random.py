@@ -1,7 +1,7 @@
 """Seeds of the simulation: one stream a surface, one a shard, none shared.
 
-The numbers themselves are Philox of (key, ray, event), see `facets.philox`: a ray's path does not depend on which worker,
-thread or batch it runs in.
+The numbers themselves are Philox of (key, ray, event), see `facets.philox`: a ray's path does not depend on which
+worker, thread or batch it runs in.
 """
 
 import numpy as np

@@ -24,16 +24,16 @@ from torchms.microsurface.tracer import EmbreeTracer, Tracer
 def simulate(
     surface: Heightfield | Sequence[Heightfield] | GaussianSurfaces,
     material: FacetMaterial,
-    wi: Tensor | np.ndarray | Sequence[float],
+    wi: Tensor | np.ndarray | Sequence[float | int],
     *,
-    n_rays: int,
+    n_rays: int | float,
     max_order: int = 10,
     seed: int = 0,
     tracer: Tracer | None = None,
     interpolate_normals: bool = False,
     lobes: bool = True,
     threads: int | None = None,
-    checkpoint: str | os.PathLike | None = None,
+    checkpoint: str | Path | None = None,
     progress: bool = False,
     rays_per_shard: int = 65536,
 ) -> Tally:
@@ -47,7 +47,7 @@ def simulate(
     Under an initialised torch.distributed process group the shards are shared out, and every process gets the result.
     It does not depend on `threads`, on the number of processes or on how often it was interrupted, to the last bit.
 
-    `info` of the Tally holds: `lost` (C,), what had not left after `max_order` events plus what leaked through rounding, so
+    `info` of the Tally holds: `lost` (C,), what had not left after `max_order` events plus what leaked by rounding, so
     Σ reflected + Σ transmitted + absorbed + lost = 1; `leak_rate` per segment; `rays_per_second`, `segments_per_second`
     (tracing, scattering and tallying; a segment is one flight from facet to facet) and `seconds`; the measured
     `slopes`; the `configuration`.
@@ -99,9 +99,9 @@ def take_finished(plan: Plan, store: Checkpoint | None, total: Partial) -> list[
 def make_plan(
     surface: Heightfield | Sequence[Heightfield] | GaussianSurfaces,
     material: FacetMaterial,
-    wi: Tensor | np.ndarray | Sequence[float],
+    wi: Tensor | np.ndarray | Sequence[float | int],
     *,
-    n_rays: int,
+    n_rays: int | float,
     max_order: int = 10,
     seed: int = 0,
     tracer: Tracer | None = None,

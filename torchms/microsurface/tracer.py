@@ -14,8 +14,8 @@ class TraceCount:
     """What a tracer had to do, beyond moving rays.
 
     leaked: rays given up because they came to the wrong side of the surface (what the leak rate counts).
-    casts: queries of the acceleration structure, wraps and repeats included. repeats: casts made again from farther off,
-    because the first met the ray's own facet or a facet from behind (rounding).
+    casts: queries of the acceleration structure, wraps and repeats included. repeats: casts made again from farther
+    off, because the first met the ray's own facet or a facet from behind (rounding).
     """
 
     leaked: int = 0
@@ -34,7 +34,7 @@ class Caster(ABC):
 
     @abstractmethod
     def cast(self, paths: Paths) -> TraceCount:
-        """Move each of the first `paths.n` rays to the facet it meets, in place; `tri` is −1 if it left, −2 if it leaked."""
+        """Move the first `paths.n` rays to the facets they meet, in place; `tri` is −1 if one left, −2 if it leaked."""
 
     def fork(self) -> "Caster":
         """A caster for another thread that shares everything immutable."""
@@ -55,21 +55,23 @@ class Tracer(ABC):
 
 @dataclass(frozen=True)
 class EmbreeTracer(Tracer):
-    """Embree 4 in robust mode, through the embreex package that accelerates trimesh; float32 traversal, float64 hit points.
+    """Embree 4 in robust mode, through the embreex package that accelerates trimesh; float64 hit points.
 
-    offset: where a ray restarts above its facet, in the grid frame (cells; α = 1). x and y are rounded to float32 first and
-    the height is taken from the surface there, so rounding cannot put the start below the surface; 1e-2 would bias by
-    2.4e-4. margin: cells of the periodic neighbours in the scene; a ray that leaves it goes on from the opposite
-    edge, half a cell back, so no seam can be slipped through.
+    offset: where a ray restarts above its facet, in the grid frame (cells; α = 1). x and y are rounded to float32 first
+    and the height is taken from the surface there, so rounding cannot put the start below the surface, and an offset of
+    a few units in the last place is enough (heights so large that `offset` is less than two of them get two). 1e-4 makes one
+    bounced ray in 7000 meet another facet, 1e-5 one in 60 000.
+    margin: cells of the periodic neighbours in the scene; a ray that leaves it goes on from the opposite edge, half a
+    cell back, so no seam can be slipped through.
     Raises ImportError where embreex is missing (there is no wheel for Linux on aarch64).
     """
 
-    offset: float = 1e-4
+    offset: float = 1e-5
     margin: int = 16
 
     def __post_init__(self) -> None:
         if not 1e-6 <= self.offset <= 1e-2:
-            raise ValueError(f"EmbreeTracer(offset=...) must lie in [1e-6, 1e-2] cells; got {self.offset}. Use 1e-4.")
+            raise ValueError(f"EmbreeTracer(offset=...) must lie in [1e-6, 1e-2] cells; got {self.offset}. Use 1e-5.")
         if self.margin < 2:
             raise ValueError(f"EmbreeTracer(margin=...) must be at least 2 cells; got {self.margin}. Use 16.")
 
@@ -107,6 +109,8 @@ class EmbreeCaster(Caster):
     def __post_init__(self) -> None:
         if self.scene is not None:
             return
+        largest = np.float32(max(abs(self.grid.top), abs(self.grid.bottom)))
+        self.offset = max(self.offset, 2 * float(np.spacing(largest)))
         EmbreeScene, TriangleMesh = _embreex()
         from torchms.microsurface.mesh import triangle_indices
 
@@ -151,9 +155,8 @@ class EmbreeCaster(Caster):
         while left:
             count.casts += left
             ids = self.scene.run(b["origin"][:left], b["direction"][:left])
-            left, repeats, leaked = resolve(
-                g.heights, g.scale, self.offset, self.margin, g.top, g.bottom, p.x, p.y, p.z, p.d, p.tri, p.side, *work, ids
-            )
+            bounds = (self.offset, self.margin, g.top, g.bottom)
+            left, repeats, leaked = resolve(g.heights, g.scale, *bounds, p.x, p.y, p.z, p.d, p.tri, p.side, *work, ids)
             count.repeats += repeats
             count.leaked += leaked
         return count

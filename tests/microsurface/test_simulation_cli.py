@@ -1,0 +1,92 @@
+"""`torchms simulate`: its JSON, its messages, and that `--help` loads nothing heavy."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from torchms.microsurface import Heightfield
+from torchms.microsurface.cli import SimulateOptions, run_simulate
+
+SMALL = dict(rays=4000.0, surfaces=2, size=128, tracer="grid", progress=False)
+
+
+def test_json_holds_what_was_promised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.json"
+    lobes = tmp_path / "lobes.npz"
+    returned = run_simulate(SimulateOptions(theta=1.1, alpha=0.6, seed=3, json=out, lobes=lobes, **SMALL))
+    result = json.loads(out.read_text())
+    assert result == json.loads(json.dumps(returned))
+    for name in ("reflected", "transmitted", "reflected_stderr", "transmitted_stderr"):
+        assert len(result[name]) == 10 and all(isinstance(v, float) for v in result[name])
+    assert sum(result["reflected"]) + result["lost"] == pytest.approx(1, abs=1e-9)
+    assert result["rays_per_second"] > 0 and result["segments_per_second"] > 0
+    assert result["slopes"]["alpha"] == pytest.approx([0.6, 0.6])
+    assert result["configuration"]["seed"] == 3 and result["configuration"]["surface"]["alpha"] == 0.6
+    assert result["options"]["theta"] == 1.1
+    with np.load(lobes, allow_pickle=False) as file:
+        assert file["mean"].shape == file["stderr"].shape == (4, 64, 64, 1)
+    assert "reflected" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("material", ["conductor", "dielectric", "diffuse"])
+def test_materials(material: str) -> None:
+    result = run_simulate(SimulateOptions(material=material, **SMALL))
+    out = sum(result["reflected"]) + sum(result["transmitted"])
+    assert out + result["lost"] == pytest.approx(1, abs=1e-9)
+    assert (sum(result["transmitted"]) > 0.5) == (material == "dielectric")
+
+
+def test_metal_has_three_channels() -> None:
+    result = run_simulate(SimulateOptions(metal="Cu", **SMALL))
+    assert np.shape(result["reflected"]) == (10, 3)
+    total = np.sum(result["reflected"], 0) + result["lost"] + np.array(result["absorbed"])
+    assert total == pytest.approx([1, 1, 1], abs=1e-8)
+
+
+def test_measured_surface(tmp_path: Path) -> None:
+    path = tmp_path / "measured.npy"
+    surface = Heightfield.gaussian(0.5, 0.2, size=128, seed=1)
+    np.save(path, surface.heights)
+    options = SMALL | dict(surface=path, spacing=surface.spacing[0], periodic=True)
+    result = run_simulate(SimulateOptions(**options))
+    assert result["slopes"]["alpha"][0] == pytest.approx(0.5, rel=1e-6)
+    assert result["configuration"]["surface"]["kind"] == "Heightfield"
+
+
+BAD = {
+    "theta": (dict(theta=1.6), r"--theta must lie in \[0, pi/2\)"),
+    "rays": (dict(rays=0.0), "--rays"),
+    "metal": (dict(metal="Cu", material="diffuse"), "--metal"),
+    "alpha": (dict(alpha=5.0), "alpha"),
+    "folder": (dict(json=Path("no/such/folder/out.json")), "folder"),
+    "file": (dict(surface=Path("nowhere.npy")), "no file"),
+}
+
+
+@pytest.mark.usefixtures("plain_messages")
+@pytest.mark.parametrize("case", BAD)
+def test_bad_options_are_named(case: str) -> None:
+    change, message = BAD[case]
+    with pytest.raises((ValueError, OSError), match=message):
+        run_simulate(SimulateOptions(**(SMALL | change)))
+
+
+def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    out.write_text("mine")
+    with pytest.raises(FileExistsError, match="force"):
+        run_simulate(SimulateOptions(json=out, **SMALL))
+    assert out.read_text() == "mine"
+    run_simulate(SimulateOptions(json=out, force=True, **SMALL))
+    assert json.loads(out.read_text())["n"] == 4000
+
+
+def test_options_load_nothing_heavy() -> None:
+    heavy = "('torch', 'numpy', 'trimesh', 'numba')"
+    code = f"import sys, torchms.microsurface.cli; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2])
+    assert done.stdout.strip() == "[]", done.stderr
