@@ -1,7 +1,7 @@
 """Evaluation in cache-sized blocks: memory is bounded by the block, never by the user's batch.
 
-Eager kernels run fastest on 4 k – 16 k numbers at a time; over millions of rows in one go they are an order of magnitude
-slower, because every intermediate is a fresh allocation.
+Eager kernels run fastest on 4 k – 16 k numbers at a time; over millions of rows in one go they are an order of
+magnitude slower, because every intermediate is a fresh allocation.
 """
 
 from collections.abc import Callable, Sequence
@@ -71,8 +71,8 @@ def run(
 ) -> tuple[Tensor, ...]:
     """`kernel(module, *directions, numbers)` over blocks of rows and paths.
 
-    The kernel sees directions as `Vec3` of (1, *rows) and numbers of (N, *rows), and returns tensors (*lead, *rows), mean
-    over the paths, or (*lead, N, *rows) if `per_path`. The results are (*batch, *lead) and (*batch, N, *lead).
+    The kernel sees directions as `Vec3` of (1, *rows) and numbers of (N, *rows), and returns tensors (*lead, *rows),
+    mean over the paths, or (*lead, N, *rows) if `per_path`. The results are (*batch, *lead) and (*batch, N, *lead).
     """
     batch = batch_shape(module, directions, u)
     if torch.compiler.is_compiling():

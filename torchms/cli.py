@@ -7,9 +7,11 @@ from importlib import import_module
 import tyro
 
 from torchms.cli_options import EnergyOptions
+from torchms.microsurface.cli import SimulateOptions
 
 COMMANDS: dict[str, tuple[type, str]] = {
     "energy": (EnergyOptions, "torchms.lobes.energy:run_energy"),
+    "simulate": (SimulateOptions, "torchms.microsurface.cli:run_simulate"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""
 
@@ -30,15 +32,13 @@ def main(arguments: list[str] | None = None) -> int:
     run = next(path for kind, path in COMMANDS.values() if isinstance(options, kind))
     try:
         _function(run)(options)
-    except (ValueError, TypeError, OSError) as error:
+    except (ValueError, TypeError, OSError, ImportError) as error:
         print(f"torchms: error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("torchms: interrupted; nothing was written.", file=sys.stderr)
         return 130
     return 0
-
-
 
 
 if __name__ == "__main__":

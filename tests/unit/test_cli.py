@@ -71,9 +71,7 @@ def test_dielectric_leaves_invariance_out(capsys: pytest.CaptureFixture[str]) ->
         (["--json", "missing-folder/x.json"], ["missing-folder", "does not exist"]),
     ],
 )
-def test_arguments_that_do_not_fit(
-    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_arguments_that_do_not_fit(arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["energy", *arguments]) == 2
     error = capsys.readouterr().err
     assert error.startswith("torchms: error: ")

@@ -57,10 +57,12 @@ class BSDF(Parametric):
 
     def _assemble(self, distribution: MicrofacetDistribution, scattering: Scattering) -> None:
         if not isinstance(distribution, MicrofacetDistribution):
-            raise TypeError(f"{type(self).__name__}(distribution=...) must be GGX(...) or Beckmann(...); got {distribution!r}.")
+            raise TypeError(
+                f"{type(self).__name__}(distribution=...) must be GGX(...) or Beckmann(...); got {distribution!r}."
+            )
         if not isinstance(scattering, Scattering):
             raise TypeError(
-                f"{type(self).__name__}(scattering=...) must be SingleBounce(), Unidirectional(...) or HeightWalk(...); "
+                f"{type(self).__name__}(scattering=...) must be HeightWalk(...), Bidirectional(...) or the like; "
                 f"got {scattering!r}."
             )
         self.distribution = distribution
@@ -127,7 +129,7 @@ class BSDF(Parametric):
         return blocks.run(_forward, self, (wi, wo), numbers)[0]
 
     def orders(self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None) -> Orders:
-        """f(wi, wo) · |cos θ_o| [1/sr] of each order: `[..., k - 1, :]` after exactly k bounces; `forward` is the sum."""
+        """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
         numbers = self._check(wi, wo, u, self.scattering.is_deterministic(self.vertex), "orders")
         return blocks.run(_orders, self, (wi, wo), numbers)[0]
 
@@ -166,13 +168,14 @@ class BSDF(Parametric):
     ) -> Tensor | Stream | None:
         """Raise if an argument does not fit; the random numbers to use."""
         for name, w in (("wi", wi), ("wo", wo)):
-            if w is None:
-                if name == "wo":
-                    continue
+            if w is None and name == "wo":
+                continue
             if not isinstance(w, Tensor) or not w.is_floating_point():
                 raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {_kind(w)}.")
             if w.ndim == 0 or w.shape[-1] != 3:
-                raise ValueError(f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}.")
+                raise ValueError(
+                    f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}."
+                )
         D = self.n_uniforms
         if u is None:
             if optional:

@@ -28,8 +28,8 @@ class Exit(NamedTuple):
 class Scattering(nn.Module):
     """How the bounces inside the microgeometry are summed.
 
-    max_order: bounces that are counted, K. Results have one entry an order. is_unbiased: whether the expectation of each
-    order is that of the Smith model [Heitz2016]. is_reciprocal: whether f(wi, wo) = f(wo, wi) in expectation.
+    max_order: bounces that are counted, K. Results have one entry an order. is_unbiased: whether the expectation of
+    each order is that of the Smith model [Heitz2016]. is_reciprocal: whether f(wi, wo) = f(wo, wi) in expectation.
     """
 
     max_order: int
@@ -91,8 +91,8 @@ class PathTracer(Scattering):
     def check(self, vertex: Vertex) -> None:
         if vertex.transmits and not self.segment.transmits:
             raise ValueError(
-                f"{type(self.segment).__name__}() holds on one side of the surface only: its recursion over the highest "
-                "collision has no counterpart for rays that change side, so it does not serve a dielectric. "
+                f"{type(self.segment).__name__}() holds on one side of the surface only: its recursion over the "
+                "highest collision has no counterpart for rays that change side, so it does not serve a dielectric. "
                 "Use HeightWalk(), which is exact, or Unidirectional(Correlated())."
             )
 

@@ -14,7 +14,7 @@ from torchms.paths.vertex import Vertex, View
 
 
 class Node(NamedTuple):
-    """A walk after some bounces: how it sees the next facet, its weight and leg, and its other ways (see `connection`)."""
+    """A walk after some bounces: its view of the next facet, its weight and leg, its other ways (see `connection`)."""
 
     view: View
     weight: Tensor | None
@@ -26,8 +26,9 @@ class Bidirectional(PathTracer):
     """Sum over all paths of up to `max_order` bounces: one walk from wi and one from wo, joined in every way.
 
     Every pair of sub-paths with s + t = k − 1 bounces is joined at a facet; the ways of one order are weighted by the
-    balance heuristic over all of them. One path is a few such pairs of walks, see `lengths`. Unbiased for the model of the `segment`: no thresholds. Raises ValueError when it
-    is put into a dielectric with `Invariance`, which knows one side of the surface only.
+    balance heuristic over all of them. One path is a few such pairs of walks, see `lengths`. Unbiased for the model of
+    the `segment`: no thresholds. Raises ValueError when it is put into a dielectric with `Invariance`, which knows one
+    side of the surface only.
     """
 
     def __init__(self, segment: Segment, max_order: int = 8) -> None:
@@ -46,8 +47,8 @@ class Bidirectional(PathTracer):
     def lengths(self) -> tuple[int, ...]:
         """Bounces of each pair of walks.
 
-        Orders 2 and 3 hold nearly all of the variance and cost least: they are the mean over four pairs of walks, orders
-        4 and 5 over two, the rest comes from one pair.
+        Orders 2 and 3 hold nearly all of the variance and cost least: they are the mean over four pairs of walks,
+        orders 4 and 5 over two, the rest comes from one pair.
         """
         K = self.max_order
         return (K,) if K == 1 else (K, min(K, 5), min(K, 3), min(K, 3))

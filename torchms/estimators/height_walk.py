@@ -1,7 +1,7 @@
 """The random walk of [Heitz2016], which carries the height: the oracle for reflection and transmission."""
 
 from torchms.estimators.base import PathTracer
-from torchms.paths.segment import RandomHeight
+from torchms.paths.height import RandomHeight
 
 
 class HeightWalk(PathTracer):

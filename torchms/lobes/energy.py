@@ -26,7 +26,7 @@ MODELS = {
 
 
 def parse_alpha(text: str) -> list[float]:
-    """"0.5" or "0.5,0.2" as [α] or [α_x, α_y]; ValueError otherwise."""
+    """ "0.5" or "0.5,0.2" as [α] or [α_x, α_y]; ValueError otherwise."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:
@@ -98,7 +98,9 @@ def _title(options: EnergyOptions) -> str:
         "dielectric": f"dielectric with eta = {options.eta:g}, lit from outside",
         "diffuse": f"diffuse facets of albedo {options.albedo:g}",
     }[options.material]
-    return f"{what}, {options.distribution} alpha = {options.alpha}, {options.samples} walks an entry, seed {options.seed}"
+    return (
+        f"{what}, {options.distribution} alpha = {options.alpha}, {options.samples} walks an entry, seed {options.seed}"
+    )
 
 
 def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], models: list[str]) -> str:

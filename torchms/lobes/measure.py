@@ -82,9 +82,7 @@ class _Sums:
             mean, error = _mean_and_error(*pairs[3], n)
             cell = 4 * torch.pi / (bins[0] * bins[1])
             lobes = Lobes(mean / cell, error / cell)
-        return Tally(
-            orders[0], orders[1], orders_se[0], orders_se[1], total, total_se, rest, rest_se, n=n, lobes=lobes
-        )
+        return Tally(orders[0], orders[1], orders_se[0], orders_se[1], total, total_se, rest, rest_se, n=n, lobes=lobes)
 
 
 def _mean_and_error(total: Tensor, squares: Tensor, n: int) -> tuple[Tensor, Tensor]:
@@ -156,4 +154,3 @@ def incident_angles(theta: float, phi: float = 0.0, dtype: torch.dtype = torch.f
     """The direction (3,) at `theta` from the normal and azimuth `phi` [rad]."""
     t, p = torch.tensor(theta, dtype=dtype), torch.tensor(phi, dtype=dtype)
     return torch.stack([t.sin() * p.cos(), t.sin() * p.sin(), t.cos()])
-

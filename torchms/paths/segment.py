@@ -1,8 +1,8 @@
 """Segment terms: the probability that light goes from bounce to bounce and then leaves, given its directions.
 
-A path's directions of propagation are d_0 … d_k. With λ_l = |Λ(d_l)| = a(w_{l+1}), every term is used in its normalised
-form e_k = λ_0 ⋯ λ_{k−1} · S(d_0 … d_k), the probability that a walk along these directions leaves exactly after bounce k.
-It is finite at the horizon, where λ is not, and Σ_k e_k = 1 for each model, so nothing is lost.
+A path's directions of propagation are d_0 … d_k. With λ_l = |Λ(d_l)| = a(w_{l+1}), every term is used in its
+normalised form e_k = λ_0 ⋯ λ_{k−1} · S(d_0 … d_k), the probability that a walk along these directions leaves exactly
+after bounce k. It is finite at the horizon, where λ is not, and Σ_k e_k = 1 for each model, so nothing is lost.
 """
 
 from abc import abstractmethod
@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import torch
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from torchms.masking import escape_correlated, escape_transmitted, escape_uncorrelated
-from torchms.numerics import expm1, log1p, safe_div
+from torchms.numerics import expm1, safe_div
 from torchms.special import log_beta_step
-from torchms.typing import Scalar
-
 
 Joiner = Callable[[int, int, Tensor | None], Tensor]
 
@@ -67,13 +66,15 @@ class Segment(nn.Module):
         """
         raise TypeError(f"{type(self).__name__} has no closed segment term, so walks cannot be joined with it.")
 
-    def forward(self, Lambda: Scalar) -> Scalar:
+    def forward(self, Lambda: Float[Tensor, "*batch legs"]) -> Float[Tensor, "*batch"]:
         """The segment term S of a reflected path [1], from the signed Λ(d_0) … Λ(d_k) on the last axis (k ≥ 1).
 
         `d_0` must point down and `d_k` up; otherwise S = 0.
         """
         if Lambda.ndim == 0 or Lambda.shape[-1] < 2:
-            raise ValueError(f"Lambda must hold at least d_0 and d_1 on its last axis; got shape {tuple(Lambda.shape)}.")
+            raise ValueError(
+                f"Lambda must hold at least d_0 and d_1 on its last axis; got shape {tuple(Lambda.shape)}."
+            )
         legs = [Leg(x.abs(), x >= 0) for x in Lambda.unbind(-1)]
         if any(leg.number is None for leg in legs) and self.n_uniforms:
             raise TypeError(f"{type(self).__name__} draws heights; it has no closed segment term.")
@@ -153,12 +154,10 @@ class Correlated(Segment):
             came_from = backward[i].back
             assert came_from is not None
             behind.append(behind[-1] * self._reversed_leg(came_from, backward, i - 1, backward[i].crossed))
-        return lambda s, t, crossed: (
-            states[s].stay * self._reversed_leg(states[s].a, backward, t, crossed) * behind[t]
-        )
+        return lambda s, t, crossed: states[s].stay * self._reversed_leg(states[s].a, backward, t, crossed) * behind[t]
 
     def _reversed_leg(self, a: Tensor, backward: Sequence[Leg], i: int, crossed: Tensor | None) -> Tensor:
-        """The factor of direction −e_i, reached from a facet with a(w) = `a`, times μ_i and, if i > 0, over |Λ(−e_i)|."""
+        """The factor of direction −e_i, reached from a facet with a(w) = `a`, times μ_i and, if i > 0, / |Λ(−e_i)|."""
         leg = backward[i]
         assert leg.back is not None
         if i == 0:
@@ -185,8 +184,8 @@ class Invariance(Segment):
     """The exact term of the Smith model, for facets that reflect. Reciprocal.
 
     A path is split at its highest collision; both halves are paths of the same kind (THEORY section 4):
-    S(i…j) = 1 / (|Λ_i| + Λ_j) · Σ_m S(i…m) S(m+1…j), zero unless d_i points down and d_j up; one-direction halves count 1.
-    Mirrors never turn an upgoing ray down, so only the two outer splits survive: the recursion of [Cui2023].
+    S(i…j) = 1 / (|Λ_i| + Λ_j) · Σ_m S(i…m) S(m+1…j), zero unless d_i points down and d_j up; halves of one direction
+    count 1. Mirrors never turn an upgoing ray down, so only the two outer splits survive: the recursion of [Cui2023].
     """
 
     is_reciprocal = True
@@ -199,9 +198,7 @@ class Invariance(Segment):
         return self._column(state, leg)[0]
 
     def extend(self, state: InvarianceState, leg: Leg) -> InvarianceState:
-        return InvarianceState(
-            (*state.legs, leg), (*state.columns, self._column(state, leg)), state.monotone
-        )
+        return InvarianceState((*state.legs, leg), (*state.columns, self._column(state, leg)), state.monotone)
 
     def joiner(self, forward: Sequence[Leg], backward: Sequence[Leg], monotone: bool) -> Joiner:
         # The term is reciprocal, so that sub-paths within either walk are its own columns. What crosses the join is
@@ -230,10 +227,9 @@ class Invariance(Segment):
                     total = None
                     # Splits behind d_m in the first walk; the one behind d_s parts the two walks.
                     for m in range(i, s + 1) if not monotone else sorted({i, s} if a == t else {i}):
-                        if m < s:
-                            term = forward[m].lam * cells[m + 1, a]
-                        else:
-                            term = last if a == t else last * behind[t][a]
+                        term = forward[m].lam * cells[m + 1, a] if m < s else last
+                        if m == s and a < t:
+                            term = term * behind[t][a]
                         if m > i:
                             term = term * ahead[m][i]
                         total = term if total is None else total + term
@@ -279,46 +275,3 @@ class Invariance(Segment):
             below = torch.where(counts, legs[i].lam + leg.lam, 1.0)
             column[i] = torch.where(counts, total / below, 0.0)
         return tuple(column)
-
-
-class HeightState(NamedTuple):
-    stay: Tensor
-    log_U: Tensor
-
-
-class RandomHeight(Segment):
-    """The height itself is carried along, as U = C1(h), and drawn anew on every leg [Heitz2016].
-
-    Not a closed term but an unbiased estimate of one: the escape at each bounce is its probability U^Λ(d), and the next
-    height is drawn given that the ray stayed. U becomes 1 − U when the ray changes side.
-    """
-
-    is_reciprocal = True
-    transmits = True
-    n_uniforms = 1
-
-    def start(self, first: Leg, monotone: bool) -> HeightState:
-        # The ray enters from above all heights, U = 1, going down, and collides at U = (1 − u)^(1 / |Λ|).
-        return self._descend(HeightState(torch.ones_like(first.lam), torch.zeros_like(first.lam)), first)
-
-    def escape(self, state: HeightState, leg: Leg) -> Tensor:
-        log_U = self._on_side_of(leg, state.log_U)
-        return torch.where(leg.up, state.stay * torch.exp(leg.lam * log_U), 0.0)
-
-    def extend(self, state: HeightState, leg: Leg) -> HeightState:
-        return self._descend(HeightState(state.stay, self._on_side_of(leg, state.log_U)), leg)
-
-    def _on_side_of(self, leg: Leg, log_U: Tensor) -> Tensor:
-        if leg.crossed is None:
-            return log_U
-        # ln(1 − U), kept finite at U = 1.
-        other = log1p(-torch.exp(log_U.clamp_max(-torch.finfo(log_U.dtype).eps)))
-        return torch.where(leg.crossed, other, log_U)
-
-    def _descend(self, state: HeightState, leg: Leg) -> HeightState:
-        """Collide somewhere along `leg`: U' = U · q^(∓1 / Λ), where q is uniform in (U^Λ, 1) going up, in (0, 1) down."""
-        assert leg.number is not None
-        lam = leg.lam.clamp_min(1e-12)
-        blocked = torch.where(leg.up, -expm1(lam * state.log_U), 1.0)
-        step = log1p(-leg.number * blocked) / lam
-        return HeightState(state.stay * blocked, (state.log_U + torch.where(leg.up, -step, step)).clamp_max(0.0))

@@ -240,16 +240,14 @@ class Diffuse(Vertex):
                 total = total + dot(d, self.visible_normal(w, u0, u1)).clamp_min(0)
         return total / (math.pi * nodes * nodes)
 
-
     def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
         # Any positive numbers serve as weights. These are the densities of facets that are seen by x and by y
         # independently of each other, ∫⟨x, m⟩⟨y, m⟩ D dm / π ≈ σ(x) σ(y) / π.
         return Densities(y.area / math.pi, x.area / math.pi)
 
     def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
-        # Two estimates of the same symmetric number, ⟨y, m_x⟩ / σ(y) and ⟨x, m_y⟩ / σ(x), weighted by their σ, so that a
-        # view that sees next to nothing does not blow up.
+        # Two estimates of the same symmetric number, ⟨y, m_x⟩ / σ(y) and ⟨x, m_y⟩ / σ(x), weighted by their σ, so that
+        # a view that sees next to nothing does not blow up.
         assert x.normal is not None and y.normal is not None
         facing = dot(y.direction, x.normal).clamp_min(0) + dot(x.direction, y.normal).clamp_min(0)
         return channels_first(self.albedo, facing.ndim) * (facing / (math.pi * (x.area + y.area)))
-

@@ -1,8 +1,8 @@
 """Proposals for wo with exact densities: what `BSDF.sample` draws from and `BSDF.pdf` evaluates.
 
 Each is a mixture of the single-bounce lobes, by visible normals, and one lobe for all that bounces more often, whose
-weight follows the roughness. A single-bounce direction that ends on the wrong side of the surface, where the light would
-bounce on, is folded back across it: the density stays exact and normalised, and no sample is lost.
+weight follows the roughness. A single-bounce direction that ends on the wrong side of the surface, where the light
+would bounce on, is folded back across it: the density stays exact and normalised, and no sample is lost.
 """
 
 import math

@@ -21,7 +21,7 @@ def draw(
     """Uniform numbers in [0, 1), `(*batch_shape, n_paths, n_uniforms)`.
 
     Each of the `n_uniforms` numbers is contiguous in memory: the result is a permuted view. "sobol" gives every row the
-    same scrambled Sobol points, rotated by an independent random shift a row, so that rows are independent of each other.
+    same scrambled Sobol points, rotated by a random shift of its own, so that rows are independent of each other.
     Raises ValueError for an unknown `sequence`, or if n_paths or n_uniforms is less than 1.
     """
     batch = tuple(int(size) for size in batch_shape)

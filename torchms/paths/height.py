@@ -1,0 +1,52 @@
+"""The segment that draws its heights: the walk of [Heitz2016], leg by leg."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from torchms.numerics import expm1, log1p
+from torchms.paths.segment import Leg, Segment
+
+
+class HeightState(NamedTuple):
+    stay: Tensor
+    log_U: Tensor
+
+
+class RandomHeight(Segment):
+    """The height itself is carried along, as U = C1(h), and drawn anew on every leg [Heitz2016].
+
+    Not a closed term but an unbiased estimate of one: the escape at each bounce is its probability U^Λ(d), and the next
+    height is drawn given that the ray stayed. U becomes 1 − U when the ray changes side.
+    """
+
+    is_reciprocal = True
+    transmits = True
+    n_uniforms = 1
+
+    def start(self, first: Leg, monotone: bool) -> HeightState:
+        # The ray enters from above all heights, U = 1, going down, and collides at U = (1 − u)^(1 / |Λ|).
+        return self._descend(HeightState(torch.ones_like(first.lam), torch.zeros_like(first.lam)), first)
+
+    def escape(self, state: HeightState, leg: Leg) -> Tensor:
+        log_U = self._on_side_of(leg, state.log_U)
+        return torch.where(leg.up, state.stay * torch.exp(leg.lam * log_U), 0.0)
+
+    def extend(self, state: HeightState, leg: Leg) -> HeightState:
+        return self._descend(HeightState(state.stay, self._on_side_of(leg, state.log_U)), leg)
+
+    def _on_side_of(self, leg: Leg, log_U: Tensor) -> Tensor:
+        if leg.crossed is None:
+            return log_U
+        # ln(1 − U), kept finite at U = 1.
+        other = log1p(-torch.exp(log_U.clamp_max(-torch.finfo(log_U.dtype).eps)))
+        return torch.where(leg.crossed, other, log_U)
+
+    def _descend(self, state: HeightState, leg: Leg) -> HeightState:
+        """Collide somewhere along `leg`: U' = U · q^(∓1 / Λ), q uniform in (U^Λ, 1) going up, in (0, 1) going down."""
+        assert leg.number is not None
+        lam = leg.lam.clamp_min(1e-12)
+        blocked = torch.where(leg.up, -expm1(lam * state.log_U), 1.0)
+        step = log1p(-leg.number * blocked) / lam
+        return HeightState(state.stay * blocked, (state.log_U + torch.where(leg.up, -step, step)).clamp_max(0.0))
