@@ -280,4 +280,6 @@ def log_beta_step(a: Tensor, b: Tensor) -> Tensor:
     total = a + b
     pairs = (a + 0.5) * log1p(b / (a + 1)) + (b + 0.5) * log1p(a / (b + 1)) - 0.5 * log1p(total)
     rest = stirling(a) + stirling(b) - stirling(total)
-    return rest - pairs - constant(1 - 0.5 * math.log(2 * math.pi), a)
+    value = rest - pairs - constant(1 - 0.5 * math.log(2 * math.pi), a)
+    # Rounding may leave a positive value near 0, and so a negative probability; take it off, keep the gradient.
+    return value - value.detach().clamp_min(0)
