@@ -19,6 +19,9 @@ class RoughDiffuse(BSDF):
     order included: the facet is drawn. Raises ValueError if the albedo is outside its range.
     """
 
+    reflectance: Tensor
+    """The albedo of a facet, (*batch C); `albedo` is what the whole surface reflects."""
+
     def __init__(
         self,
         distribution: MicrofacetDistribution,

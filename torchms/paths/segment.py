@@ -210,7 +210,9 @@ class Invariance(Segment):
         def weight(i: int, a: int) -> Tensor:
             """1 / (λ_i + Λ(−e_a)), zero unless d_i and e_a both point down."""
             if (i, a) not in weights:
-                below = forward[i].lam + backward[a].back
+                back = backward[a].back
+                assert back is not None
+                below = forward[i].lam + back
                 downward = [~leg.up for leg, index in ((forward[i], i), (backward[a], a)) if index > 0]
                 if downward:
                     counts = downward[0] if len(downward) == 1 else downward[0] & downward[1]
