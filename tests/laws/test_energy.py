@@ -56,8 +56,8 @@ def test_orders_walks_and_energies_agree(material, scattering, distribution, gen
             tally.n,
         )
         for wo, values in (
-            integrands(surface, wi, 100_000, generator),
-            walked(surface, wi, 50_000, generator),
+            integrands(surface, wi, 60_000, generator),
+            walked(surface, wi, 60_000, generator),
         ):
             p.append(p_value(z_score(by_side(wo, values, wi), energy)))
     shape = p[0].shape
@@ -70,8 +70,8 @@ def test_walks_go_where_orders_say(material, scattering, distribution, generator
     """The histogram of sample_walk over the sphere is that of orders, each order."""
     surface = bsdf(material, scattering, distribution, max_order=3)
     wi = direction(0.6)
-    there = by_cell(*integrands(surface, wi, 200_000, generator))
-    walks = by_cell(*walked(surface, wi, 200_000, generator))
+    there = by_cell(*integrands(surface, wi, 80_000, generator))
+    walks = by_cell(*walked(surface, wi, 80_000, generator))
     resolved = (there.stderr < RESOLVED * there.mean) & (walks.stderr < RESOLVED * walks.mean)
     assert walks.mean[resolved].sum() > 0.9 * walks.mean.sum()
     budget(p_value(z_score(walks, there))[resolved], lambda i: resolved.nonzero()[i].tolist())

@@ -13,8 +13,8 @@ def reciprocal_pair(
 ) -> tuple[Estimate, Estimate]:
     """Estimates (*batch, K, C) of two numbers that are equal for a reciprocal BSDF, order by order.
 
-    wi, wo: (*batch, 3). u, u_back: independent `bsdf.uniforms` (*batch, N, D) for the two ways; without them, a deterministic
-    BSDF's own numbers with no error. The numbers are f · |cos θ_i| |cos θ_o| n_i²; in a dielectric of mode "radiance" the way
+    wi, wo: (*batch, 3). u, u_back: independent `bsdf.uniforms` (*batch, N, D) for the two ways; a deterministic BSDF needs
+    none, its numbers have no error. The numbers are f · |cos θ_i| |cos θ_o| n_i²; in a dielectric of mode "radiance" the way
     back is divided by n², as the value there is.
     """
     there = _orders(bsdf, wi, wo, u)
@@ -25,9 +25,11 @@ def reciprocal_pair(
 
 
 def _orders(bsdf: BSDF, wi: Tensor, wo: Tensor, u: Tensor | None) -> Estimate:
-    if u is None:
+    if bsdf.scattering.is_deterministic(bsdf.vertex):
         value = bsdf.orders(wi, wo).detach().double()
         return Estimate(value, torch.zeros_like(value), 1)
+    if u is None:
+        raise ValueError("reciprocal_pair(u=..., u_back=...) are needed: the values of this BSDF are estimates.")
     return estimate(bsdf.orders(wi.unsqueeze(-2), wo.unsqueeze(-2), u.unsqueeze(-2)), dim=-3)
 
 

@@ -20,9 +20,11 @@ class Estimate(NamedTuple):
 
 
 def estimate(samples: Tensor, dim: int = 0) -> Estimate:
-    """Mean and standard error of `samples` along `dim`, in float64."""
+    """Mean and standard error of `samples` along `dim`, in float64. Raises ValueError for fewer than two samples."""
     samples = samples.detach().double()
     n = samples.shape[dim]
+    if n < 2:
+        raise ValueError(f"estimate(samples=...) needs at least 2 samples along dim {dim}; got shape {tuple(samples.shape)}.")
     return Estimate(samples.mean(dim), samples.std(dim) / math.sqrt(n), n)
 
 
@@ -31,7 +33,7 @@ def exactly(value: Tensor) -> Estimate:
     return Estimate(value.double(), torch.zeros_like(value, dtype=torch.float64), 1)
 
 
-def z_score(a: Estimate, b: Estimate, rounding: float = 0.0) -> Tensor:
+def z_score(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> Tensor:
     """(a − b) in standard errors of the difference; `rounding` is an absolute error that is not counted against it."""
     difference = a.mean - b.mean
     excess = difference.sign() * (difference.abs() - rounding).clamp_min(0)
@@ -39,7 +41,7 @@ def z_score(a: Estimate, b: Estimate, rounding: float = 0.0) -> Tensor:
     return torch.where(excess == 0, 0.0, excess / error)
 
 
-def share_z_score(a: Estimate, b: Estimate, rounding: float = 0.0) -> Tensor:
+def share_z_score(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> Tensor:
     """`z_score` for means of samples in [0, 1] (shares of an energy), right for rare events too.
 
     Unless both relative standard errors are less than `NORMAL_BELOW`, a sample's standard error says little: the events that
