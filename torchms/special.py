@@ -194,6 +194,10 @@ def constant(value: float, like: Tensor) -> float | Tensor:
 
 def polynomial(table: dict[torch.dtype, tuple[float, ...]], s: Tensor) -> Tensor:
     """Horner's scheme with the coefficients of `s`'s dtype, highest power first; s in [−½, ½]."""
+    if s.dtype not in table:
+        raise TypeError(
+            f"torchms computes in float32 or float64; got {s.dtype}. Convert the inputs and parameters first."
+        )
     first, second, *rest = (constant(c, s) for c in table[s.dtype])
     total = s * first + second
     for c in rest:

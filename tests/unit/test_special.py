@@ -150,3 +150,8 @@ def test_no_coefficient_is_small_enough_for_the_onnx_optimizer_to_drop():
     for table in (special.ERFCX, special.IERFCX, special.STIRLING, special.ERFINV):
         for coefficients in table.values():
             assert min(map(abs, coefficients)) > 1e-7
+
+
+def test_other_dtypes_are_refused():
+    with pytest.raises(TypeError, match=r"float32 or float64; got torch\.float16"):
+        special.erfcx(torch.ones(1, dtype=torch.float16))

@@ -11,8 +11,9 @@ from torchms.frame import Vec3, dot, normalized
 from torchms.numerics import horizon, safe_sqrt, smallest
 from torchms.special import INV_SQRT_PI, constant, erfcx, erfcx_pair, ierfcx, normal_quantile
 
-# Householder steps (of fourth order) before the last, differentiable Newton step, and what they leave of the error
-# |F(x) / F(κ) − Φ| over κ in [−1e7, 1e7] and all quantiles: tests/unit/distributions/test_beckmann_sampler.py.
+# Householder steps (of fourth order) before the last, differentiable Newton step. The largest |F(x) / F(κ) − Φ| that n
+# of them leave, over κ in [−50, 1e6] and all quantiles of u in [0, 1): float32 5e-2, 1.1e-6, 1.1e-6 for n = 0, 1, 2;
+# float64 5e-2, 8e-10, 2e-15 (torch 2.13, November 2026; tests/unit/distributions/test_beckmann.py holds them to it).
 STEPS = {torch.float32: 1, torch.float64: 2}
 
 
@@ -175,7 +176,7 @@ def bounded(d: Tensor, step: Tensor, kappa: Tensor, lower: Tensor) -> Tensor:
     gap = kappa + torch.where(lower, d, -d)
     factor = 2 + 3 * kappa
     grow, shrink = gap * factor - gap, gap / factor - gap
-    step = torch.where(step == step, step, torch.zeros_like(step))
+    step = torch.where(torch.isnan(step), 0.0, step)
     least, most = torch.where(lower, shrink, -grow), torch.where(lower, grow, -shrink)
     return (d + torch.minimum(torch.maximum(step, least), most)).clamp_min(0)
 
