@@ -9,7 +9,7 @@ from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.frame import split
-from torchms.numerics import safe_div
+from torchms.numerics import expm1, safe_div, smallest
 from torchms.special import log_beta_step
 from torchms.typing import Direction, Scalar
 
@@ -32,9 +32,15 @@ def escape_transmitted(a: Tensor, lam: Tensor) -> Tensor:
     return torch.exp(log_beta_step(a, lam))
 
 
+def area_of(distribution: MicrofacetDistribution, w: Direction) -> Scalar:
+    """a(w) = |1 + Λ(w)|; kept above zero, which Beckmann's underflows to for steep directions from below."""
+    a = distribution.blocking(-split(w))
+    return a.clamp_min(smallest(a.dtype))
+
+
 def G1_dist(distribution: MicrofacetDistribution, w: Direction) -> Scalar:
     """Distant masking 1 / |1 + Λ(w)| of `w` on the full sphere [Wang2022, Eq. 3]; above 1 below the horizon."""
-    return 1 / distribution.blocking(-split(w))
+    return 1 / area_of(distribution, w)
 
 
 def G2_dist(distribution: MicrofacetDistribution, w: Direction, d: Direction, transmitted: bool = False) -> Scalar:
@@ -43,13 +49,18 @@ def G2_dist(distribution: MicrofacetDistribution, w: Direction, d: Direction, tr
     G2_dist = 1 / (a(w) + Λ(d)) for `d` above the horizon, else 0. With `transmitted`, `d` leaves on the other side of
     the surface (d_z < 0) and G2_dist = B(a(w), 1 + Λ(−d)).
     """
-    a = distribution.blocking(-split(w))
+    a = area_of(distribution, w)
     leaving = -split(d) if transmitted else split(d)
     lam = distribution.blocking(leaving)
-    probability = escape_transmitted(a, lam) if transmitted else escape_correlated(a, lam)
-    return torch.where(leaving.z > 0, probability, 0.0) / a
+    value = escape_transmitted(a, lam) / a if transmitted else 1 / (a + lam)
+    return torch.where(leaving.z > 0, value, 0.0)
 
 
 def G2_mid(distribution: MicrofacetDistribution, w: Direction, d: Direction, transmitted: bool = False) -> Scalar:
     """The same, of arriving along −w and being blocked along d: G1_dist(w) − G2_dist(w, d) [Wang2022, Eq. 17]."""
-    return G1_dist(distribution, w) - G2_dist(distribution, w, d, transmitted)
+    a = area_of(distribution, w)
+    leaving = -split(d) if transmitted else split(d)
+    lam = distribution.blocking(leaving)
+    # 1 − a / (a + Λ) and 1 − a B(a, 1 + Λ), without cancellation.
+    stays = -expm1(log_beta_step(a, lam)) if transmitted else lam / (a + lam)
+    return torch.where(leaving.z > 0, stays, 1.0) / a
