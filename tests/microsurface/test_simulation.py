@@ -88,7 +88,7 @@ def smith_first_order(alpha: tuple[float, float], theta: float) -> float:
 
 SMITH_GAP = 0.03
 """Explicit E_1 minus Smith's, at most. It is the gap of Smith theory, whose heights do not know their neighbours: a
-facet that light reached is likelier to see the way out than Smith says. The pilot found 0.005 … 0.026, never below zero."""
+facet that light reached is likelier to see the way out than Smith says. The pilot found 0.005 … 0.026."""
 
 
 @pytest.mark.parametrize("alpha", [(0.25, 0.25), (0.5, 0.5), (1.0, 1.0), (1.0, 0.1)], ids=str)

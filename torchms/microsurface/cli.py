@@ -1,4 +1,4 @@
-"""Options and run of `torchms simulate`. Nothing heavy is imported until it runs, so `--help` is instant."""
+"""Options of `torchms simulate` and `torchms figures`. Nothing heavy is loaded until they run: `--help` is instant."""
 
 import os
 import sys
@@ -68,6 +68,42 @@ class SimulateOptions:
     """Overwrite the output files if they exist."""
     progress: bool = True
     """Progress bar, if standard error is a terminal."""
+
+
+@dataclass
+class FiguresOptions:
+    """Draw the lobes in the plane of incidence per bounce: explicit surface against the models."""
+
+    material: Literal["conductor", "dielectric", "diffuse"] = "conductor"
+    """What the facets are: mirrors (F = 1), smooth glass or ideally diffuse (albedo 1)."""
+    alpha: float = 0.5
+    """Roughness along x (Beckmann)."""
+    alpha_y: float | None = None
+    """Roughness along y; as along x if not given."""
+    theta: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5)
+    """Angles of incidence, in radians; a column each."""
+    phi: float = 0.0
+    """Azimuth of incidence, in radians."""
+    eta: float = 1.5
+    """Dielectric: n_inside / n_outside."""
+    rays: float = 2e6
+    """Simulated light paths an angle."""
+    walks: float = 5e5
+    """Random walks a model and angle."""
+    surfaces: int = 8
+    """Independent surfaces; the grey band is twice their standard error."""
+    size: int = 1024
+    """Texels along each edge of a surface."""
+    max_order: int = 10
+    """Bounces that are told apart."""
+    seed: int = 0
+    """Seed of everything."""
+    tracer: Literal["embree", "grid"] = "grid"
+    """Embree, or the float64 walk over the heights, whose surfaces need no building."""
+    out: Path = Path("figures")
+    """Directory for the PNG, the SVG and the JSON."""
+    force: bool = False
+    """Overwrite them if they exist."""
 
 
 def run_simulate(options: SimulateOptions) -> dict[str, Any]:

@@ -19,10 +19,9 @@ class GridTracer(Tracer):
     def bind(self, grid: Grid) -> "GridCaster":
         """Bound the heights of each block of cells."""
         require_numba()
-        from torchms.microsurface.grid_walk_kernel import block_bounds
+        from torchms.microsurface.grid_walk_kernel import COARSE, FINE, block_bounds
 
-        top, bottom = block_bounds(grid.heights)
-        return GridCaster(grid, top, bottom)
+        return GridCaster(grid, *block_bounds(grid.heights, FINE), *block_bounds(grid.heights, COARSE))
 
     def describe(self) -> dict[str, Any]:
         """See `Tracer`."""
@@ -36,13 +35,16 @@ class GridCaster(Caster):
     grid: Grid
     top: np.ndarray
     bottom: np.ndarray
+    far_top: np.ndarray
+    far_bottom: np.ndarray
 
     def cast(self, paths: Paths) -> TraceCount:
         """See `Caster`."""
         from torchms.microsurface.grid_walk_kernel import walk
 
         g, p = self.grid, paths
-        leaked = walk(g.heights, self.top, self.bottom, g.scale, p.x, p.y, p.z, p.d, p.tri, p.side, p.n)
+        bounds = (self.top, self.bottom, self.far_top, self.far_bottom)
+        leaked = walk(g.heights, *bounds, g.scale, p.x, p.y, p.z, p.d, p.tri, p.side, p.n)
         return TraceCount(leaked=leaked, casts=p.n)
 
 

@@ -2,7 +2,8 @@
 
 The surface is a function of (x, y), so a ray above it stays above it until f = z_ray − z_surface changes sign inside
 some facet. The walk visits the facets in order and asks each for that sign: it cannot slip through an edge, needs no
-offset, and starts on its own facet without meeting it. Blocks of 8 × 8 cells are skipped when the ray passes over them.
+offset, and starts on its own facet without meeting it. Blocks of 64 × 64 and of 8 × 8 cells are skipped when the ray
+passes over them.
 """
 
 import math
@@ -13,7 +14,8 @@ from numba import njit
 
 ESCAPED = -1
 LEAKED = -2
-SHIFT = 3
+FINE = 3
+COARSE = 6
 # Rounding leaves |f| near 1e-12 cells; more means that a ray has come to the wrong side.
 TOLERANCE = 1e-7
 MAX_BLOCKS = 10_000_000
@@ -21,22 +23,35 @@ MAX_BLOCKS = 10_000_000
 
 @njit(nogil=True, cache=True)
 @no_type_check
-def block_bounds(h):
-    """Highest and lowest point of each block of 2^SHIFT × 2^SHIFT cells, float64."""
+def block_bounds(h, shift):
+    """Highest and lowest point of each block of 2^shift × 2^shift cells, float64."""
     nx, ny = h.shape
-    bx = (nx + (1 << SHIFT) - 1) >> SHIFT
-    by = (ny + (1 << SHIFT) - 1) >> SHIFT
+    bx = (nx + (1 << shift) - 1) >> shift
+    by = (ny + (1 << shift) - 1) >> shift
     top = np.full((bx, by), -np.inf)
     bottom = np.full((bx, by), np.inf)
     for i in range(nx):
         for j in range(ny):
-            a, b = i >> SHIFT, j >> SHIFT
+            a, b = i >> shift, j >> shift
             for p in range(2):
                 for q in range(2):
                     v = np.float64(h[(i + p) % nx, (j + q) % ny])
                     top[a, b] = max(top[a, b], v)
                     bottom[a, b] = min(bottom[a, b], v)
     return top, bottom
+
+
+@njit(nogil=True, cache=True, inline="always")
+@no_type_check
+def block_exit(shift, i, j, nx, ny, ox, oy, dx, dy, ix, iy):
+    """Cells of the block around cell (i, j), from low to high, and the ray parameters of its walls ahead."""
+    lo_i = (i >> shift) << shift
+    lo_j = (j >> shift) << shift
+    hi_i = min(lo_i + (1 << shift), nx)
+    hi_j = min(lo_j + (1 << shift), ny)
+    tx = ((hi_i if dx > 0 else lo_i) - ox) * ix if dx != 0 else np.inf
+    ty = ((hi_j if dy > 0 else lo_j) - oy) * iy if dy != 0 else np.inf
+    return lo_i, lo_j, hi_i, hi_j, tx, ty
 
 
 @njit(nogil=True, cache=True, inline="always")
@@ -63,10 +78,10 @@ def facet_hit(upper, h00, h10, h01, h11, ox, oy, oz, dx, dy, dz, i, j, ta, tb):
 
 @njit(nogil=True, cache=True)
 @no_type_check
-def walk(h, top, bottom, scale, x, y, z, d, tri, side, n):
+def walk(h, top, bottom, far_top, far_bottom, scale, x, y, z, d, tri, side, n):
     """Move the first n rays to the facet they meet, in place; `tri` becomes its number, ESCAPED or LEAKED.
 
-    h (nx, ny) float32, block bounds as above, `scale` (3,) turns world directions into the grid frame. Returns how
+    h (nx, ny) float32, bounds of the FINE and then of the COARSE blocks, `scale` (3,) turns world directions into the grid frame. Returns how
     many rays leaked.
     """
     nx, ny = h.shape
@@ -104,17 +119,18 @@ def walk(h, top, bottom, scale, x, y, z, d, tri, side, n):
                 break
             if dz < 0 and z0 < floor - TOLERANCE:
                 break
-            bi = i >> SHIFT
-            bj = j >> SHIFT
-            lo_i = bi << SHIFT
-            lo_j = bj << SHIFT
-            hi_i = min(lo_i + (1 << SHIFT), nx)
-            hi_j = min(lo_j + (1 << SHIFT), ny)
-            tbx = ((hi_i if dx > 0 else lo_i) - ox) * ix if dx != 0 else np.inf
-            tby = ((hi_j if dy > 0 else lo_j) - oy) * iy if dy != 0 else np.inf
-            tb = max(min(tbx, tby), t0)
-            low = min(z0, oz + tb * dz)
-            if low > (top[bi, bj] if s > 0 else -bottom[bi, bj]):
+            over = far_top[i >> COARSE, j >> COARSE] if s > 0 else -far_bottom[i >> COARSE, j >> COARSE]
+            passes = False
+            if z0 > over:
+                lo_i, lo_j, hi_i, hi_j, tbx, tby = block_exit(COARSE, i, j, nx, ny, ox, oy, dx, dy, ix, iy)
+                tb = max(min(tbx, tby), t0)
+                passes = oz + tb * dz > over
+            if not passes:
+                over = top[i >> FINE, j >> FINE] if s > 0 else -bottom[i >> FINE, j >> FINE]
+                lo_i, lo_j, hi_i, hi_j, tbx, tby = block_exit(FINE, i, j, nx, ny, ox, oy, dx, dy, ix, iy)
+                tb = max(min(tbx, tby), t0)
+                passes = min(z0, oz + tb * dz) > over
+            if passes:
                 t0 = tb
                 if tbx < tby:
                     i = hi_i if dx > 0 else lo_i - 1

@@ -87,8 +87,8 @@ class Heightfield:
         if change > MAX_SLOPE_CHANGE:
             warnings.warn(
                 f"Heightfield.from_heights: the slope changes by {change:.2f} (rms) from texel to texel, more than "
-                f"the {MAX_SLOPE_CHANGE} a triangle mesh resolves: orders above 2 will depend on the texels. Measure with "
-                f"a spacing about {change / MAX_SLOPE_CHANGE:.1f} times finer, or low-pass the noise.",
+                f"the {MAX_SLOPE_CHANGE} a triangle mesh resolves: orders above 2 will depend on the texels. Measure "
+                f"with a spacing about {change / MAX_SLOPE_CHANGE:.1f} times finer, or low-pass the noise.",
                 stacklevel=2,
             )
         return surface

@@ -81,8 +81,8 @@ def grid_of_mesh(mesh: "trimesh.Trimesh") -> tuple[np.ndarray, tuple[float, floa
     if holes or fold > 1e-6 * max(spacing) or abs(covered / full - 1) > 1e-6:
         raise ValueError(
             f"{where} must cover its rectangle once, without holes; {holes} of {heights.size} grid points have no "
-            f"vertex and its faces cover {100 * covered / full:.4g} % of the rectangle. Fill the holes (trimesh.repair). "
-            f"{remedy}"
+            f"vertex and its faces cover {100 * covered / full:.4g} % of the rectangle. Fill the holes "
+            f"(trimesh.repair). {remedy}"
         )
     return heights, spacing
 

@@ -1,0 +1,149 @@
+"""[Wang2022] Figs. 4-15 anew: lobes in the plane of incidence per bounce, simulation against the four models."""
+
+import io
+import math
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from torchms.files import check_writable, write_json, write_whole
+from torchms.lobes import Tally
+from torchms.microsurface.cli import FiguresOptions
+from torchms.microsurface.comparison import SIMULATION, Case, energies, plane_of_incidence
+from torchms.microsurface.grid_walk import GridTracer
+from torchms.microsurface.tracer import EmbreeTracer
+
+BOUNCES = ("k = 1", "k = 2", "k = 3", "k ≥ 4")
+# Okabe-Ito colours, told apart by everyone; dashes tell them apart in print.
+STYLE: dict[str, dict[str, Any]] = {
+    SIMULATION: dict(color="black", linewidth=1.4),
+    "height walk": dict(color="#D55E00", linewidth=1.2),
+    "uncorrelated": dict(color="#0072B2", linewidth=1.2, linestyle="--"),
+    "correlated": dict(color="#009E73", linewidth=1.2, linestyle="-."),
+    "invariance": dict(color="#CC79A7", linewidth=1.6, linestyle=":"),
+}
+
+
+def run_figures(options: FiguresOptions) -> list[Path]:
+    """Draw one figure as PNG and SVG with its numbers as JSON beside it, and return the three paths.
+
+    Raises ValueError or OSError with a message for the user, before the work begins.
+    """
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise ImportError("torchms figures needs matplotlib: pip install matplotlib.") from error
+    alpha = (options.alpha, options.alpha if options.alpha_y is None else options.alpha_y)
+    name = f"{options.material}_a{alpha[0]:g}" + (f"_{alpha[1]:g}" if alpha[1] != alpha[0] else "")
+    if not options.out.exists():
+        options.out.mkdir(parents=True)
+    paths = [options.out / f"{name}.{suffix}" for suffix in ("png", "svg", "json")]
+    for path in paths:
+        check_writable(path, options.force)
+    cases = [
+        Case(options.material, alpha, theta, options.phi, options.eta, options.max_order) for theta in options.theta
+    ]
+    results = [compare(case, options) for case in cases]
+    content = {
+        "material": options.material,
+        "alpha": list(alpha),
+        "phi": options.phi,
+        "eta": options.eta if options.material == "dielectric" else None,
+        "rays": int(options.rays),
+        "walks": int(options.walks),
+        "surfaces": options.surfaces,
+        "seed": options.seed,
+        "panels": [numbers(case, result) for case, result in zip(cases, results, strict=True)],
+    }
+    with matplotlib.rc_context({"svg.hashsalt": name, "font.size": 8}):
+        figure = draw(cases, results)
+        for path in paths[:2]:
+            buffer = io.BytesIO()
+            # No date in the file: the same numbers make the same bytes.
+            metadata = {"Date": None} if path.suffix == ".svg" else {}
+            figure.savefig(buffer, format=path.suffix[1:], dpi=130, metadata=metadata)
+            write_whole(path, buffer.getvalue(), options.force)
+    write_json(paths[2], content, options.force)
+    print("\n".join(str(path) for path in paths))
+    return paths
+
+
+def compare(case: Case, options: FiguresOptions) -> dict[str, Tally]:
+    """Simulation and models of one column."""
+    tracer = EmbreeTracer() if options.tracer == "embree" else GridTracer()
+    found = {SIMULATION: case.simulated(options.surfaces, options.size, options.rays, options.seed, tracer)}
+    for model in case.models:
+        found[model] = case.modelled(model, int(options.walks), options.seed)
+    return found
+
+
+def numbers(case: Case, result: dict[str, Tally]) -> dict[str, Any]:
+    """Everything that one column of the figure shows."""
+    out: dict[str, Any] = {"theta": case.theta, "models": {}}
+    for name, tally in result.items():
+        angle, value, error = plane_of_incidence(tally, case.phi)
+        out["angle"] = angle.tolist()
+        out["models"][name] = energies(tally) | {
+            "value": dict(zip((*BOUNCES, "all"), value.tolist(), strict=True)),
+            "stderr": dict(zip((*BOUNCES, "all"), error.tolist(), strict=True)),
+        }
+    return out
+
+
+def share(tally: Tally, row: int) -> tuple[float, float]:
+    """E_r, E_t of a row of the figure."""
+    orders = slice(row, row + 1) if row < 3 else slice(3, None)
+    return tally.reflected[orders, 0].sum().item(), tally.transmitted[orders, 0].sum().item()
+
+
+def draw(cases: list[Case], results: list[dict[str, Tally]]) -> Any:
+    """The figure: a row a bounce, a column an angle of incidence."""
+    from matplotlib.figure import Figure
+
+    transmits = cases[0].material == "dielectric"
+    figure = Figure(figsize=(3.6 * len(cases), 11.5), layout="constrained")
+    axes = figure.subplots(len(BOUNCES), len(cases), squeeze=False)
+    for column, (case, result) in enumerate(zip(cases, results, strict=True)):
+        curves = {name: plane_of_incidence(tally, case.phi) for name, tally in result.items()}
+        for row, bounce in enumerate(BOUNCES):
+            ax = axes[row, column]
+            for name, (angle, value, error) in curves.items():
+                inside = torch.full_like(angle, True, dtype=torch.bool) if transmits else angle.abs() < math.pi / 2
+                degrees = torch.rad2deg(angle[inside])
+                y, dy = value[row, inside], error[row, inside]
+                if name == SIMULATION:
+                    ax.fill_between(degrees, y - 2 * dy, y + 2 * dy, color="0.75", linewidth=0)
+                ax.plot(degrees, y, label=name, **STYLE[name])
+                E_r, E_t = share(result[name], row)
+                text = f"{E_r:.4f}" + (f" | {E_t:.4f}" if transmits else "")
+                line = list(curves).index(name)
+                ax.text(
+                    *(0.02, 0.97 - 0.075 * (line + 1), text),
+                    transform=ax.transAxes,
+                    va="top",
+                    color=STYLE[name]["color"],
+                    family="monospace",
+                )
+            ax.text(0.02, 0.97, "$E_r$ | $E_t$" if transmits else "$E_r$", transform=ax.transAxes, va="top")
+            ax.set_xlim((-180, 180) if transmits else (-90, 90))
+            ax.set_xticks(range(-180, 181, 90) if transmits else range(-90, 91, 45))
+            # Room on top for the numbers.
+            ax.set_ylim(0, 1.75 * ax.get_ylim()[1])
+            ax.grid(alpha=0.25)
+            if row == 0:
+                ax.set_title(f"$\\theta_i$ = {case.theta:g} rad")
+            if row == len(BOUNCES) - 1:
+                ax.set_xlabel("angle in the plane of incidence [°], mirror side > 0")
+            if column == 0:
+                ax.set_ylabel(f"{bounce}      f · |cos θ$_o$| [1/sr]")
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    ax_, ay_ = cases[0].alpha
+    kind = {
+        "conductor": "conductor, F = 1",
+        "dielectric": f"dielectric, η = {cases[0].eta:g}",
+        "diffuse": "diffuse, ρ = 1",
+    }
+    figure.suptitle(f"{kind[cases[0].material]}, Beckmann α = {ax_:g}" + (f" × {ay_:g}" if ax_ != ay_ else ""))
+    return figure
