@@ -197,11 +197,21 @@ class Refractive(Vertex):
         wh, dh = dot(w, h), dot(d, h)
         F, _ = fresnel_dielectric(wh.clamp(0.0, 1.0), eta)
         # w·h + η d·h = ±|w + η d|, the length before it was normalised.
-        jacobian = safe_div((1 - F) * wh * dh.abs() * (n * n), length2)
+        jacobian = safe_div(transmittance(wh, -eta * dh, eta) * wh * dh.abs() * (n * n), length2)
         good = (wh > 0) & torch.where(transmitted, dh < 0, dh > 0) & (length2 > smallest(length2.dtype))
         each = torch.where(transmitted, jacobian, F / 4)
         density = self.distribution.normal_density(h) / self.distribution.guarded_area(w) * each
         return torch.where(good, density, 0.0)
+
+
+def transmittance(c: Tensor, g: Tensor, eta: Tensor) -> Tensor:
+    """1 − F from c = cos θ_i and g = η cos θ_t, both at least 0, without the cancellation near total reflection.
+
+    [Walter2007] Eq. 22 in its two polarisations, 1 − r² with r_s = (c − g) / (c + g), r_p = (η² c − g) / (η² c + g).
+    """
+    c, g = c.clamp_min(0), g.clamp_min(0)
+    s, p = c + g, eta * eta * c + g
+    return 2 * c * g * (safe_div(torch.ones_like(s), s * s) + safe_div(eta * eta, p * p))
 
 
 @dataclass(frozen=True)
