@@ -1,4 +1,4 @@
-"""A front to ONNX Runtime for the files that `export` writes: names, shapes and dtypes are checked, rows go in blocks."""
+"""A front to ONNX Runtime for the files of `export`: names, shapes and dtypes are checked, rows go in blocks."""
 
 import json
 import math
@@ -37,15 +37,15 @@ class Input:
 class Evaluator:
     """An exported file, ready to run: `Evaluator("cu.onnx")(wi, wo, u, alpha=0.3)`.
 
-    Takes NumPy arrays or CPU tensors (and gives back tensors if one of them was a tensor), in the order of `inputs` or by
-    name. Batch axes (*batch) broadcast; parameters may be plain numbers or lists. The result is (*batch, ...): one array,
-    or a named tuple where the file has two outputs. The work is done in blocks of `block` rows × paths, so memory does not
-    grow with the batch beyond inputs and outputs.
+    Takes NumPy arrays or CPU tensors (and gives back tensors if one of them was a tensor), in the order of `inputs` or
+    by name. Batch axes (*batch) broadcast; parameters may be plain numbers or lists. The result is (*batch, ...): one
+    array, or a named tuple where the file has two outputs. The work is done in blocks of `block` rows × paths, so memory
+    does not grow with the batch beyond inputs and outputs.
 
     threads: threads of the session. block: rows × paths at a time. verify: whether the seal is checked.
-    Raises ValueError for a file that `torchms.onnx.export` did not write, that is damaged, or that is of a newer format;
-    FileNotFoundError for none; ImportError if onnxruntime is missing. A call raises TypeError for missing or unknown inputs
-    and wrong dtypes, ValueError for shapes and parameters out of range.
+    Raises ValueError for a file that `torchms.onnx.export` did not write, that is damaged, or that is of a newer
+    format; FileNotFoundError for none; ImportError if onnxruntime is missing. A call raises TypeError for missing or
+    unknown inputs and wrong dtypes, ValueError for shapes and for parameters out of range.
     """
 
     def __init__(self, path: str | Path, *, threads: int = 1, block: int = BLOCK, verify: bool = True) -> None:

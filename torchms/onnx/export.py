@@ -28,8 +28,8 @@ CONVENTIONS = (
 
 CITATIONS = {
     "SingleBounce": "Heitz 2014, Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs, JCGT 3(2)",
-    "HeightWalk": "Heitz, Hanika, d'Eon and Dachsbacher 2016, Multiple-Scattering Microfacet BSDFs with the Smith Model, "
-    "ACM TOG 35(4)",
+    "HeightWalk": "Heitz, Hanika, d'Eon and Dachsbacher 2016, Multiple-Scattering Microfacet BSDFs with the Smith "
+    "Model, ACM TOG 35(4)",
     "Invariance": "Cui et al. 2023, Multiple-bounce Smith Microfacet BRDFs using the Invariance Principle, "
     "SIGGRAPH Asia 2023",
     "": "Wang et al. 2022, Position-Free Multiple-Bounce Computations for Smith Microfacet BSDFs, ACM TOG 41(4)",

@@ -54,9 +54,9 @@ def slots(bsdf: BSDF) -> dict[str, Slot]:
     return single | several
 
 
-def replaced(bsdf: BSDF, values: dict[Slot, Tensor]) -> BSDF:
-    """A copy of `bsdf` with these values in their slots; nothing is validated, graphs are kept."""
-    clone = bound(bsdf, lambda value, channels: value.detach())
+def replaced(bsdf: BSDF, values: dict[Slot, Tensor], dtype: torch.dtype | None = None) -> BSDF:
+    """A copy of `bsdf` with these values in their slots and the others in `dtype`; nothing is validated."""
+    clone = bound(bsdf, lambda value, channels: value.detach() if dtype is None else value.detach().to(dtype))
     for slot, value in values.items():
         module: Any = clone
         for name in slot.path:
@@ -126,24 +126,24 @@ class Graph(nn.Module):
         )
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        given = dict(zip(self.input_names, inputs, strict=True))
         with ExactScalars(self.bsdf.dtype):
-            given = dict(zip(self.input_names, inputs, strict=True))
-            bsdf = replaced(self.bsdf, {slot: given[slot.name] for slot in self.slots})
-            return self._evaluate(bsdf, given)
-
-    def _evaluate(self, bsdf: BSDF, given: dict[str, Tensor]) -> tuple[Tensor, ...]:
-        wi, wo = given["wi"], given.get("wo")
-        if self.what == "pdf":
+            bsdf = self.substituted(given)
+            wi, wo = given["wi"], given.get("wo")
+            if self.what == "sample":
+                # Past the check that `u` has all the numbers of a path: a sample uses only its own.
+                return blocks.run(base._sample, bsdf, (wi,), self.numbers(given), per_path=True)
             assert wo is not None
-            return (bsdf.pdf(wi, wo),)
-        u = self._numbers(given)
-        if self.what == "sample":
-            # Past the check that `u` has all the numbers of a path: a sample uses only its own.
-            return blocks.run(base._sample, bsdf, (wi,), u, per_path=True)
-        assert wo is not None
-        return (getattr(bsdf, self.what)(wi, wo, u),)
+            if self.what == "pdf":
+                return (bsdf.pdf(wi, wo),)
+            return (getattr(bsdf, self.what)(wi, wo, self.numbers(given)),)
 
-    def _numbers(self, given: dict[str, Tensor]) -> Any:
+    def substituted(self, given: dict[str, Tensor], dtype: torch.dtype | None = None) -> BSDF:
+        """The BSDF with the given parameters, the others in `dtype`."""
+        return replaced(self.bsdf, {slot: given[slot.name] for slot in self.slots}, dtype)
+
+    def numbers(self, given: dict[str, Tensor]) -> Tensor | Stream | None:
+        """The random numbers."""
         if self.uniforms == "input":
             return given["u"]
         if self.uniforms == "seed":

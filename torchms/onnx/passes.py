@@ -1,4 +1,4 @@
-"""What is done to a graph beyond the exporter: shorter forms, operators that runtimes lack, and no trace of the machine."""
+"""What is done to a graph beyond the exporter: shorter forms, operators that runtimes have, no machine's trace."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +9,7 @@ from onnxscript import opset20 as op
 
 
 def _right_shift(self: Any, other: int) -> Any:
-    """x >> n of the stream's words, which fit 32 bits or are masked to them: a logical shift, in 3 nodes instead of 8."""
+    """x >> n of the stream's words, which are masked to 32 bits: a logical shift, in 3 nodes instead of 8."""
     wide = op.Cast(self, to=ir.DataType.UINT64)
     shift = op.Constant(value=ir.tensor(other, dtype=ir.DataType.UINT64))
     return op.Cast(op.BitShift(wide, shift, direction="RIGHT"), to=ir.DataType.INT64)
