@@ -4,9 +4,10 @@
 
 Conductor with F = 1, dielectric with eta = 1.5 and diffuse with albedo 1, Beckmann alpha 0.25, 0.5, 1 and (1, 0.1), at
 0, 0.5, 1 and 1.5 rad. The error of a model is the RMS of its difference to the simulation over angles, orders 1 … 10
-and sides; the noise is the RMS of the simulation's own standard error, and no difference below it means anything. Height walk and
-invariance are both exact for Smith's model, so their difference is the noise of the walks, and what they have in
-common is the gap of Smith's model itself (the mesh adds less than 4e-4, see tests/microsurface/test_simulation.py).
+and sides; the noise is the RMS of the simulation's own standard error, and no difference below it means anything.
+Height walk and invariance are both exact for Smith's model, so their difference is the noise of the walks, and what
+they have in common is the gap of Smith's model itself (the mesh adds less than 4e-4, see
+tests/microsurface/test_simulation.py).
 """
 
 import math

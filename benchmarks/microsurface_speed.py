@@ -2,8 +2,9 @@
 
     python benchmarks/microsurface_speed.py [--rays 4e6] [--sizes 708 1024 1414 2828] [--out ...json] [--force]
 
-Mirror facets (F = 1), Beckmann, lobes tallied, all counted but the making of the surface: launch, trace, scatter, tally.
-Wall clock holds on a quiet machine only; segments per CPU second hold on a busy one, too, roughly. The parts are timed one after the other in one thread, as shares of its CPU time.
+Mirror facets (F = 1), Beckmann, lobes tallied; everything counts (launch, trace, scatter, tally) but the making of the
+surface. Wall clock holds on a quiet machine only; segments per CPU second hold roughly on a busy one, too. The parts
+are timed one after the other in one thread, as shares of its CPU time.
 """
 
 import math

@@ -81,8 +81,8 @@ def facet_hit(upper, h00, h10, h01, h11, ox, oy, oz, dx, dy, dz, i, j, ta, tb):
 def walk(h, top, bottom, far_top, far_bottom, scale, x, y, z, d, tri, side, n):
     """Move the first n rays to the facet they meet, in place; `tri` becomes its number, ESCAPED or LEAKED.
 
-    h (nx, ny) float32, bounds of the FINE and then of the COARSE blocks, `scale` (3,) turns world directions into the grid frame. Returns how
-    many rays leaked.
+    h (nx, ny) float32, bounds of the FINE and then of the COARSE blocks, `scale` (3,) turns world directions into the
+    grid frame. Returns how many rays leaked.
     """
     nx, ny = h.shape
     zmax = -np.inf

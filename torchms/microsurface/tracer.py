@@ -58,9 +58,9 @@ class EmbreeTracer(Tracer):
     """Embree 4 in robust mode, through the embreex package that accelerates trimesh; float64 hit points.
 
     offset: where a ray restarts above its facet, in the grid frame (cells; α = 1). x and y are rounded to float32 first
-    and the height is taken from the surface there, so rounding cannot put the start below it, and a few units in the last
-    place are enough (very high surfaces get two, if `offset` is less). 1e-4 makes one bounced ray in 7000 meet another
-    facet, 1e-5 one in 60 000.
+    and the height is taken from the surface there, so rounding cannot put the start below it, and a few units in the
+    last place are enough (very high surfaces get two, if `offset` is less). 1e-4 makes one bounced ray in 7000 meet
+    another facet, 1e-5 one in 60 000.
     margin: cells of the periodic neighbours in the scene; a ray that leaves it goes on from the opposite edge, half a
     cell back, so no seam can be slipped through.
     Raises ImportError where embreex is missing (there is no wheel for Linux on aarch64).
