@@ -26,10 +26,11 @@ class SlopeProblem(NamedTuple):
     """
 
     lower: Tensor
+    sign: Tensor  # 1 where `lower`, else −1
     rho: Tensor  # ρ
     top: Tensor  # ρ max(κ, 0) = max(w_z, 0)
     k: Tensor  # max(−κ, 0)
-    rest: Tensor  # what the area beyond x = κ adds to the mass above x
+    rest: Tensor  # what the area beyond x = κ adds to the mass above x; 0 where `lower`
     total: Tensor  # area of all visible slopes
     target: Tensor  # area sought
 
@@ -41,13 +42,12 @@ class SlopeProblem(NamedTuple):
         # For x = −t < 0: ∫_{−∞}^x (κ − s) e^{−s²} ds = (√π/2) e^{−t²} [(κ − x) erfcx(t) + ierfcx(t)], and for x ≥ 0 the
         # integral from x to infinity is that with −ierfcx. All is divided by (√π/2) e^{−k²}, so that nothing
         # underflows for steeply descending w.
-        sign = torch.where(self.lower, 1.0, -1.0).to(d.dtype)
         t = self.k + d
-        gap = self.top + sign * self.rho * d
+        signed = self.sign * self.rho
+        gap = self.top + signed * d
         e, i = erfcx_pair(t)
-        weight = torch.exp(-d * (d + 2 * self.k))
-        area = weight * (gap * e + sign * self.rho * i) + torch.where(self.lower, 0.0, self.rest)
-        return area, gap * weight, gap, t
+        weight = torch.exp(-d * (t + self.k))
+        return weight * (gap * e + signed * i) + self.rest, gap * weight, gap, t
 
 
 class Beckmann(EllipticDistribution):
@@ -154,31 +154,32 @@ def visible_slope(gauss: Tensor, rho: Tensor, z: Tensor) -> Tensor:
     score = safe_sqrt(torch.where(rest_phi < 1e-4, rest_phi * (1 + 0.5 * rest_phi), minus_log).detach())
 
     lower = ~above | (phi * total < at_zero)
-    problem = SlopeProblem(lower, rho, top, k, rest, total, total * torch.where(lower, phi, rest_phi))
+    sign = torch.where(lower, 1.0, -1.0).to(z.dtype)
+    target = total * torch.where(lower, phi, rest_phi)
+    problem = SlopeProblem(lower, sign, rho, top, k, torch.where(lower, 0.0, rest), total, target)
     # The steps are taken on values; only the last is differentiated, with its denominator held: that is the derivative
     # of the inverse function.
     fixed, cot = problem.detached(), kappa.detach()
     d = first_guess(fixed, gauss.detach(), score, at_zero.detach(), cot, weight.detach(), i.detach())
     for _ in range(STEPS[d.dtype]):
-        d = bounded(d, householder(fixed, d, score), cot, lower)
+        d = bounded(d, householder(fixed, d, score), cot, fixed.sign)
     area, slope, _, _ = problem.area(d)
     scale = constant(0.5 * math.sqrt(math.pi), z) / slope.detach().clamp_min(smallest(z.dtype))
     step = scale * (area - problem.target)
-    d = bounded(d, step.detach(), cot, lower) + (step - step.detach())
-    return torch.where(lower, -(k + d), d)
+    d = bounded(d, step.detach(), cot, fixed.sign) + (step - step.detach())
+    return -sign * d - k
 
 
-def bounded(d: Tensor, step: Tensor, kappa: Tensor, lower: Tensor) -> Tensor:
+def bounded(d: Tensor, step: Tensor, kappa: Tensor, sign: Tensor) -> Tensor:
     """d + step, with the gap κ − x changed by no more than a factor of 2 + 3 κ and d kept positive; d if it is NaN.
 
     Where F(x) / F(κ) rounds to 1 and the gap is lost, the closed form that the steps start from is better than they.
     """
-    gap = kappa + torch.where(lower, d, -d)
+    gap = kappa + sign * d
     factor = 2 + 3 * kappa
-    grow, shrink = gap * factor - gap, gap / factor - gap
-    step = torch.where(torch.isnan(step), 0.0, step)
-    least, most = torch.where(lower, shrink, -grow), torch.where(lower, grow, -shrink)
-    return (d + torch.minimum(torch.maximum(step, least), most)).clamp_min(0)
+    change = sign * torch.where(torch.isnan(step), 0.0, step)
+    change = torch.minimum(torch.maximum(change, gap / factor - gap), gap * factor - gap)
+    return (d + sign * change).clamp_min(0)
 
 
 def first_guess(
@@ -212,11 +213,10 @@ def first_guess(
 def householder(problem: SlopeProblem, d: Tensor, score: Tensor) -> Tensor:
     """One step of fourth order for √(−ln(area / total)) = score from the left, √area = √target from above."""
     area, slope, gap, t = problem.area(d)
-    sign = torch.where(problem.lower, 1.0, -1.0).to(d.dtype)
     # Logarithmic derivative of the area, and the second and third derivatives over the first.
     a = -constant(2 * INV_SQRT_PI, d) * slope / area
     pull = problem.rho / gap
-    second = sign * pull - 2 * t
+    second = problem.sign * pull - 2 * t
     third = second * second - pull * pull - 2
     # R = √(−L), L = ln(area / total): R' = −a / (2 R), and so on.
     L = torch.log(area / problem.total).clamp_max(-smallest(d.dtype))
