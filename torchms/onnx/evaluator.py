@@ -5,6 +5,7 @@ import math
 import sys
 from collections import namedtuple
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ from torchms.onnx import seal
 
 BLOCK = 16384
 """Rows × paths that go to the runtime at a time."""
+
+LANES = 64
+"""A block has a multiple of so many rows."""
 
 Array = NDArray[Any]
 
@@ -39,10 +43,12 @@ class Evaluator:
 
     Takes NumPy arrays or CPU tensors (and gives back tensors if one of them was a tensor), in the order of `inputs` or
     by name. Batch axes (*batch) broadcast; parameters may be plain numbers or lists. The result is (*batch, ...): one
-    array, or a named tuple where the file has two outputs. The work is done in blocks of `block` rows × paths, so memory
-    does not grow with the batch beyond inputs and outputs.
+    array, or a named tuple where the file has two outputs. The work is done in blocks of `block` rows × paths, so
+    memory does not grow with the batch beyond inputs and outputs. A row's bits depend on nothing but its inputs: not on
+    its place in the batch, nor on `block` or `threads`.
 
-    threads: threads of the session. block: rows × paths at a time. verify: whether the seal is checked.
+    threads: how many blocks are evaluated at a time, each by one thread. block: rows × paths of one. verify: whether
+    the seal is checked.
     Raises ValueError for a file that `torchms.onnx.export` did not write, that is damaged, or that is of a newer
     format; FileNotFoundError for none; ImportError if onnxruntime is missing. A call raises TypeError for missing or
     unknown inputs and wrong dtypes, ValueError for shapes and for parameters out of range.
@@ -59,7 +65,7 @@ class Evaluator:
         content = path.read_bytes()
         if verify:
             seal.check(content, path.name)
-        self.session = _session(content, path.name, threads)
+        self.session = _session(content, path.name)
         self.metadata: dict[str, str] = dict(self.session.get_modelmeta().custom_metadata_map)
         if "torchms.inputs" not in self.metadata:
             raise ValueError(
@@ -67,7 +73,7 @@ class Evaluator:
             )
         self.inputs = tuple(Input(entry) for entry in json.loads(self.metadata["torchms.inputs"]))
         self.outputs: tuple[dict[str, Any], ...] = tuple(json.loads(self.metadata["torchms.outputs"]))
-        self.block = block
+        self.threads, self.block = threads, block
         self._result = namedtuple("Outputs", [entry["name"] for entry in self.outputs])
 
     def __repr__(self) -> str:
@@ -160,35 +166,52 @@ class Evaluator:
         return np.broadcast_to(array, (*batch, *tail)).reshape(-1, *tail)
 
     def _run(self, flat: dict[str, Array], rows: int, paths: int) -> list[Array]:
-        step = max(1, self.block // paths)
-        results: list[Array] = []
-        for a in range(0, max(rows, 1), step):
+        step = -(-max(1, self.block // paths) // LANES) * LANES
+        first, *starts = range(0, max(rows, 1), step)
+        head = self._block(flat, first, min(step, rows), rows)
+        if not starts:
+            return head
+        results = [np.empty((rows, *out.shape[1:]), out.dtype) for out in head]
+
+        def put(a: int, outputs: list[Array] | None = None) -> None:
             size = min(step, rows - a)
-            feed = {
-                name: np.ascontiguousarray(
-                    array[a : a + size] if len(array) == rows else np.broadcast_to(array, (size, *array.shape[1:]))
-                )
-                for name, array in flat.items()
-            }
-            outputs = self.session.run(None, feed)
-            if not results:
-                if size == rows:
-                    return outputs
-                results = [np.empty((rows, *out.shape[1:]), out.dtype) for out in outputs]
-            for result, out in zip(results, outputs, strict=True):
+            for result, out in zip(results, outputs or self._block(flat, a, size, rows), strict=True):
                 result[a : a + size] = out
+
+        put(first, head)
+        if self.threads == 1:
+            for a in starts:
+                put(a)
+        else:
+            with ThreadPoolExecutor(self.threads) as pool:
+                for _ in pool.map(put, starts):
+                    pass
         return results
 
+    def _block(self, flat: dict[str, Array], a: int, size: int, rows: int) -> list[Array]:
+        """Rows a … a + size, computed as full vectors: at the end of an array the runtime's sine, cosine and logarithm
+        have other last bits."""
+        padded = max(-(-size // LANES), 1) * LANES
+        feed = {}
+        for name, array in flat.items():
+            if len(array) != rows or rows == 1:
+                part = np.broadcast_to(array[:1], (padded, *array.shape[1:])) if len(array) else array[:0]
+            else:
+                part = array[a : a + size]
+            if len(part) < padded:
+                end = part[-1:] if len(part) else np.ones((1, *array.shape[1:]), array.dtype)
+                part = np.concatenate([part, np.broadcast_to(end, (padded - len(part), *array.shape[1:]))])
+            feed[name] = np.ascontiguousarray(part)
+        return [out[:size] for out in self.session.run(None, feed)]
 
-def _session(content: bytes, name: str, threads: int) -> Any:
+
+def _session(content: bytes, name: str) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
         raise ImportError("Evaluator needs onnxruntime, of the onnx extra: pip install torchms[onnx].") from error
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-    # Idle threads that spin take the cores from torch's.
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.intra_op_num_threads, options.inter_op_num_threads = 1, 1
     options.log_severity_level = 3
     try:
         return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])

@@ -1,0 +1,80 @@
+"""`torchms export`."""
+
+from pathlib import Path
+
+import torch
+
+from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
+from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
+from torchms.files import check_writable, write_json, write_whole
+from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
+from torchms.lobes.energy import parse_alpha
+from torchms.onnx.check import check
+from torchms.onnx.export import checked, exported
+from torchms.onnx.options import ExportOptions
+from torchms.onnx.table import FOOTNOTE, Entry, table
+from torchms.paths.segment import Correlated, Invariance, Uncorrelated
+
+DISTRIBUTIONS = {"ggx": GGX, "beckmann": Beckmann}
+SCATTERINGS = {
+    "single-bounce": lambda K: SingleBounce(),
+    "uncorrelated": lambda K: Unidirectional(Uncorrelated(), K),
+    "correlated": lambda K: Unidirectional(Correlated(), K),
+    "invariance": lambda K: Unidirectional(Invariance(), K),
+    "height-walk": HeightWalk,
+    "bidirectional-uncorrelated": lambda K: Bidirectional(Uncorrelated(), K),
+    "bidirectional-correlated": lambda K: Bidirectional(Correlated(), K),
+    "bidirectional-invariance": lambda K: Bidirectional(Invariance(), K),
+}
+"""What stands in the scattering slot, by name; a new class is one line here."""
+
+
+def build(options: ExportOptions) -> BSDF:
+    """The BSDF that the options describe."""
+    distribution: MicrofacetDistribution = DISTRIBUTIONS[options.distribution](*parse_alpha(options.alpha))
+    default = "height-walk" if options.material == "dielectric" else "invariance"
+    scattering: Scattering = SCATTERINGS[options.scattering or default](options.max_order)
+    if options.metal is not None and options.material != "conductor":
+        raise ValueError(f"--metal goes with --material conductor; got --material {options.material}.")
+    bsdf: BSDF
+    if options.material == "conductor":
+        fresnel: Fresnel = Ideal() if options.metal is None else Conductor.metal(options.metal)
+        bsdf = RoughConductor(distribution, fresnel, scattering)
+    elif options.material == "dielectric":
+        bsdf = RoughDielectric(distribution, Dielectric(options.eta), scattering)
+    else:
+        bsdf = RoughDiffuse(distribution, options.albedo, scattering)
+    return bsdf.to(torch.float64) if options.double else bsdf
+
+
+def run_export(options: ExportOptions) -> None:
+    """Write the file and, if asked for, check it. Raises ValueError for options that do not fit and missed bounds."""
+    path = check_writable(options.path, options.force)
+    if options.json is not None:
+        if not options.check:
+            raise ValueError("--json holds the comparison: it goes with --check.")
+        check_writable(options.json, options.force)
+    if options.rows < 1:
+        raise ValueError(f"--rows must be at least 1; got {options.rows}.")
+    bsdf = build(options)
+    arguments = {
+        "what": options.what,
+        "parameters": options.parameters,
+        "uniforms": options.uniforms,
+        "n_paths": options.n_paths,
+    }
+    graph = checked(bsdf, **arguments)
+    content = exported(bsdf, **arguments)
+    if options.check:
+        entry = Entry.of(Path(path).stem, content, check(content, graph, options.rows))
+        print(table([entry]))
+        print(FOOTNOTE)
+        if options.json is not None:
+            write_json(options.json, entry.as_json(), options.force)
+        if entry.parity is not None and entry.parity.failures:
+            raise ValueError(f"{path.name} was not written: {'; '.join(entry.parity.failures)}.")
+    write_whole(path, content, options.force)
+    print(
+        f"{path}: {len(content)} bytes, inputs {', '.join(graph.input_names)}, outputs {', '.join(graph.output_names)}"
+    )
