@@ -22,6 +22,12 @@ class Node(NamedTuple):
     others: Tensor | None
 
 
+def upright(w: Vec3) -> Vec3:
+    """`w`, and the normal in place of directions that are not above the horizon."""
+    above = w.z > 0
+    return Vec3(torch.where(above, w.x, 0.0), torch.where(above, w.y, 0.0), torch.where(above, w.z, 1.0))
+
+
 class Bidirectional(PathTracer):
     """Sum over all paths of up to `max_order` bounces: one walk from wi and one from wo, joined in every way.
 
@@ -58,6 +64,9 @@ class Bidirectional(PathTracer):
 
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
         valid = (wi.z != 0) & (wo.z != 0) if vertex.transmits else (wi.z > 0) & (wo.z > 0)
+        if not vertex.transmits:
+            # No facet may face a direction below the horizon: nothing there is divided by.
+            wi, wo = upright(wi), upright(wo)
         sums: list[Tensor | None] = [None] * self.max_order
         counts = [0] * self.max_order
         first = 1
