@@ -202,7 +202,7 @@ def test_absorbing_mirrors_sum_up() -> None:
     ideal = simulate(surface, Mirror(Ideal()), direction(0.4), n_rays=30_000, seed=2, tracer=GRID)
     plain = simulate(surface, Mirror(), direction(0.4), n_rays=30_000, seed=2, tracer=GRID)
     assert torch.equal(ideal.reflected, plain.reflected)
-    assert tally.reflected.shape == (10, 3)
+    assert tally.reflected.shape == (16, 3)
     rest = torch.tensor([tally.info["lost"], tally.info["absorbed"]], dtype=torch.float64)
     assert (tally.reflected.sum(0) + rest.sum(0)).tolist() == pytest.approx([1.0] * 3, abs=1e-8)
     # The same paths, each with its facets' reflectances on it: between F_min^k and 1.

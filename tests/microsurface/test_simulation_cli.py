@@ -21,7 +21,7 @@ def test_json_holds_what_was_promised(tmp_path: Path, capsys: pytest.CaptureFixt
     result = json.loads(out.read_text())
     assert result == json.loads(json.dumps(returned))
     for name in ("reflected", "transmitted", "reflected_stderr", "transmitted_stderr"):
-        assert len(result[name]) == 10 and all(isinstance(v, float) for v in result[name])
+        assert len(result[name]) == 16 and all(isinstance(v, float) for v in result[name])
     assert sum(result["reflected"]) + result["lost"] == pytest.approx(1, abs=1e-9)
     assert result["rays_per_second"] > 0 and result["segments_per_second"] > 0
     assert result["slopes"]["alpha"] == pytest.approx([0.6, 0.6])
@@ -42,7 +42,7 @@ def test_materials(material: str) -> None:
 
 def test_metal_has_three_channels() -> None:
     result = run_simulate(SimulateOptions(metal="Cu", **SMALL))
-    assert np.shape(result["reflected"]) == (10, 3)
+    assert np.shape(result["reflected"]) == (16, 3)
     total = np.sum(result["reflected"], 0) + result["lost"] + np.array(result["absorbed"])
     assert total == pytest.approx([1, 1, 1], abs=1e-8)
 

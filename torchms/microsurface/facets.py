@@ -88,9 +88,12 @@ def launch(first, total, key, wi, nx, ny, top, x, y, z, d, tri, side, ray, n):
         place = (np.float64(number) + unit(a)) / np.float64(total)
         # The double carries 53 bits of the curve; 11 more make the low bits of a small stretch as random as the high.
         code = (np.uint64(place * 9007199254740992.0) << np.uint64(11)) | np.uint64(b >> np.uint32(21))
-        x[r] = (np.float64(even_bits(code >> np.uint64(1))) + 0.5) * (nx / 4294967296.0)
-        y[r] = (np.float64(even_bits(code)) + 0.5) * (ny / 4294967296.0)
-        z[r] = top
+        # As float32 about the middle of the tile, so that both tracers start at the very same point.
+        u = (np.float64(even_bits(code >> np.uint64(1))) + 0.5) / 4294967296.0
+        v = (np.float64(even_bits(code)) + 0.5) / 4294967296.0
+        x[r] = np.float64(np.float32(u * nx - nx // 2)) + nx // 2
+        y[r] = np.float64(np.float32(v * ny - ny // 2)) + ny // 2
+        z[r] = np.float64(np.float32(top))
         d[r, 0] = -wi[0]
         d[r, 1] = -wi[1]
         d[r, 2] = -wi[2]
