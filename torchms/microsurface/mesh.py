@@ -133,6 +133,7 @@ def export(surface: "Heightfield", path: str | Path, *, force: bool) -> None:
         content = buffer.getvalue()
     elif suffix in MESH_SUFFIXES:
         data = surface.mesh.export(file_type=suffix[1:])
+        assert isinstance(data, str | bytes)
         content = data.encode() if isinstance(data, str) else data
     else:
         allowed = ", ".join((".npy", *MESH_SUFFIXES))

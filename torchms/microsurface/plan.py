@@ -66,7 +66,7 @@ class Partial:
             measured=np.zeros((surfaces, len(MEASURED))),
         )
 
-    def arrays(self) -> dict[str, np.ndarray]:
+    def arrays(self) -> dict[str, Any]:
         """All arrays by name."""
         return dict(vars(self))
 
@@ -238,9 +238,13 @@ class Plan:
                 "variance_per_surface": variance.tolist(),
             },
         } | {name: int(total.counts[:, i].sum()) for i, name in enumerate(COUNTERS)}
+        names = ("reflected", "transmitted", "total", "rest")
+        pairs = dict(zip(names, (reflected, transmitted, out, rest), strict=True))
+        energies = {name: torch.from_numpy(mean) for name, (mean, _) in pairs.items()}
+        errors = {f"{name}_stderr": torch.from_numpy(stderr) for name, (_, stderr) in pairs.items()}
         return Tally(
-            *(torch.from_numpy(a) for a in (reflected[0], transmitted[0], reflected[1], transmitted[1])),
-            *(torch.from_numpy(a) for a in (*out, *rest)),
+            **energies,
+            **errors,
             n=int(rays.sum()),
             lobes=lobes,
             info=info,
