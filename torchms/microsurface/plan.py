@@ -191,10 +191,11 @@ class Plan:
         p, trace, segments = paths, TraceCount(), 0
         key = shard_key(self.seed, shard.surface, shard.part)
         place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
+        nx, ny = grid.heights.shape
         for first in range(0, shard.rays, self.rays_per_batch):
             p.n = min(self.rays_per_batch, shard.rays - first)
             p.weight[: p.n] = 1
-            launch(first, shard.rays, key, self.wi, *grid.heights.shape, grid.launch_height, *place, p.n)
+            launch(first, shard.rays, key, self.wi, nx, ny, grid.launch_height, *place, p.n)
             for events in range(self.max_order + 1):
                 if events:
                     material.scatter(p, grid, events, key, self.interpolate_normals)
