@@ -57,7 +57,7 @@ def entries(options: Options):
     from torchms.files import write_whole
     from torchms.onnx.check import check
     from torchms.onnx.command import SCATTERINGS, build
-    from torchms.onnx.export import checked, exported
+    from torchms.onnx.exporter import checked, exported
     from torchms.onnx.options import ExportOptions
     from torchms.onnx.table import Entry
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
     from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
     from torchms.paths.segment import Correlated, Invariance, Segment, Uncorrelated
+    from torchms.sampling.stream import Stream
 
 _HOME = {
     "BSDF": "bsdfs",
@@ -27,6 +28,7 @@ _HOME = {
     "HeightWalk": "estimators",
     "Scattering": "estimators",
     "SingleBounce": "estimators",
+    "Stream": "sampling.stream",
     "Unidirectional": "estimators",
     "Correlated": "paths.segment",
     "Invariance": "paths.segment",
@@ -50,6 +52,7 @@ __all__ = [
     "Scattering",
     "Segment",
     "SingleBounce",
+    "Stream",
     "Uncorrelated",
     "Unidirectional",
     "__version__",

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from torchms.onnx.evaluator import Evaluator
-    from torchms.onnx.export import export
+    from torchms.onnx.exporter import export
 
-_HOME = {"Evaluator": "torchms.onnx.evaluator", "export": "torchms.onnx.export"}
+_HOME = {"Evaluator": "torchms.onnx.evaluator", "export": "torchms.onnx.exporter"}
 
 __all__ = ["Evaluator", "export"]
 

@@ -11,7 +11,7 @@ from torchms.files import check_writable, write_json, write_whole
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
 from torchms.lobes.energy import parse_alpha
 from torchms.onnx.check import check
-from torchms.onnx.export import checked, exported
+from torchms.onnx.exporter import checked, exported
 from torchms.onnx.options import ExportOptions
 from torchms.onnx.table import FOOTNOTE, Entry, table
 from torchms.paths.segment import Correlated, Invariance, Uncorrelated

@@ -15,10 +15,10 @@ FOOTNOTE = (
 
 @dataclass(frozen=True)
 class Entry:
-    """One file of a set: its size and its comparison, or why there is none."""
+    """One file of a set: its size in bytes and its comparison, or why there is none."""
 
     name: str
-    bytes: int = 0
+    size: int = 0
     nodes: int = 0
     export_s: float = 0.0
     parity: Parity | None = None
@@ -39,7 +39,7 @@ class Entry:
 
     def as_json(self) -> dict[str, Any]:
         parity = None if self.parity is None else self.parity.as_json()
-        return {k: getattr(self, k) for k in ("name", "bytes", "nodes", "export_s", "refused")} | {"parity": parity}
+        return {k: getattr(self, k) for k in ("name", "size", "nodes", "export_s", "refused")} | {"parity": parity}
 
 
 def table(entries: Sequence[Entry]) -> str:
@@ -69,7 +69,7 @@ def _line(entry: Entry) -> list[str]:
     share = f"{p.sensitive} of {p.elements:.1e}" + (f", to {p.sensitive_max:.0e}" if p.sensitive else "")
     return [
         entry.name,
-        f"{entry.bytes / 1e3:.0f}",
+        f"{entry.size / 1e3:.0f}",
         str(entry.nodes),
         f"{p.abs_max:.1e}",
         f"{p.abs_p999:.1e}",

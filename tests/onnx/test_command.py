@@ -1,0 +1,62 @@
+"""`torchms export` and `python -m export`."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from torchms.onnx import Evaluator
+from torchms.onnx.command import run_export
+from torchms.onnx.options import ExportOptions
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_export_and_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, table = tmp_path / "cu.onnx", tmp_path / "cu.json"
+    options = ExportOptions(
+        str(path),
+        metal="Cu",
+        scattering="single-bounce",
+        parameters=("alpha",),
+        check=True,
+        rows=5_000,
+        json=str(table),
+    )
+    run_export(options)
+    said = capsys.readouterr().out
+    assert "rel p99.9" in said and "inputs wi, wo, alpha" in said and "| ok |" in said
+    assert Evaluator(path).metadata["torchms.what"] == "forward"
+    assert json.loads(table.read_text())["parity"]["misses"] == 0
+
+
+@pytest.mark.parametrize(
+    "change,words",
+    [
+        ({"material": "diffuse", "metal": "Cu"}, "--metal"),
+        ({"json": "x.json"}, "--check"),
+        ({"rows": 0}, "--rows"),
+        ({"material": "dielectric", "scattering": "invariance"}, "one side"),
+        ({"alpha": "rough"}, "--alpha"),
+    ],
+)
+def test_options_that_do_not_fit(change: dict, words: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=words):
+        run_export(ExportOptions(str(tmp_path / "x.onnx"), **change))
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_need_no_torch() -> None:
+    code = "import sys, torchms.onnx.options; sys.exit(int('torch' in sys.modules or 'onnx' in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+@pytest.mark.slow
+def test_the_set(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "export", "--out", str(tmp_path), "--materials", "conductor", "--distributions"]
+    command += ["ggx", "--scatterings", "single-bounce", "--what", "forward", "pdf", "--rows", "20000"]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "2 files, 0 missed a bound." in result.stdout and len(list(tmp_path.glob("*.onnx"))) == 2
