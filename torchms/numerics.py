@@ -34,8 +34,8 @@ def away_from_zero(x: Tensor, least: float) -> Tensor:
 
 
 def safe_div(a: Tensor, b: Tensor) -> Tensor:
-    """a / b, and 0 with a zero gradient where b is (nearly) zero."""
-    ok = b.abs() > smallest(b.dtype)
+    """a / b, and 0 with a zero gradient where b is so near zero (1e-15 in float32) that a / b², the gradient, is lost."""
+    ok = b.abs() > smallest(b.dtype) ** 0.5
     return torch.where(ok, a, 0.0) / torch.where(ok, b, 1.0)
 
 

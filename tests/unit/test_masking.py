@@ -75,6 +75,11 @@ def test_escape_into_the_other_side_is_a_probability():
         assert (p[0] == 1).all()
 
 
+def test_escape_into_the_other_side_has_its_gradient(generator):
+    a, lam = (0.01 + 3 * torch.rand(2, 10, generator=generator, dtype=torch.float64)).requires_grad_().unbind(0)
+    assert torch.autograd.gradcheck(escape_transmitted, (a, lam), rtol=1e-6)
+
+
 @each("distribution", DISTRIBUTIONS)
 @pytest.mark.parametrize("material", [m for m in MATERIALS if "dielectric" not in m and "diffuse" not in m])
 def test_one_order_is_a_single_bounce(material, distribution, generator):

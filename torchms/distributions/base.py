@@ -63,8 +63,12 @@ class MicrofacetDistribution(Parametric):
         return self.normal_density(m) * facing / torch.where(ok, area, 1.0)
 
     def guarded_area(self, w: Vec3) -> Tensor:
-        """σ(w), kept above zero at the one direction that no facet faces (straight up from below)."""
-        return self.projected_area(w).clamp_min(smallest(w.z.dtype))
+        """σ(w), kept so far above zero that D / σ² is finite, which the gradient of D / σ needs.
+
+        It is smaller only for directions that rise steeply out of the surface, where σ(w) is also the probability, next to
+        1, that a facet is met at all.
+        """
+        return self.projected_area(w).clamp_min(1e-12 if w.z.dtype == torch.float32 else 1e-80)
 
     # The public surface.
 

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from torchms.masking import escape_correlated, escape_transmitted, escape_uncorrelated
-from torchms.numerics import expm1, safe_div
+from torchms.numerics import expm1, safe_div, smallest
 from torchms.special import log_beta_step
 
 Joiner = Callable[[int, int, Tensor | None], Tensor]
@@ -83,7 +83,7 @@ class Segment(nn.Module):
         for leg in legs[1:-1]:
             state = self.extend(state, leg)
             product = product * leg.lam
-        return torch.where(legs[0].up, 0.0, safe_div(self.escape(state, legs[-1]), product))
+        return torch.where(legs[0].up, 0.0, self.escape(state, legs[-1]) / product.clamp_min(smallest(product.dtype)))
 
 
 class Uncorrelated(Segment):
@@ -272,8 +272,7 @@ class Invariance(Segment):
                     term = term * column[m + 1]
                 total = term if total is None else total + term
             assert total is not None
-            # d_0 always points down: it is where the light comes from.
-            counts = leg.up if i == 0 else leg.up & ~legs[i].up
+            counts = leg.up & ~legs[i].up
             below = torch.where(counts, legs[i].lam + leg.lam, 1.0)
             column[i] = torch.where(counts, total / below, 0.0)
         return tuple(column)

@@ -165,7 +165,10 @@ class Refractive(Vertex):
         F, _ = fresnel_dielectric(dot(w, normal).clamp(0.0, 1.0), eta)
         crossed = numbers[0] >= F
         d = select(crossed, -refract(w, normal, eta), reflect(w, normal))
-        return Bounce(d, torch.ones_like(F)[None], crossed, torch.where(crossed, -side, side))
+        # The weight is 1, but the probability of the choice depends on the parameters: p / p carries the gradient of ln p,
+        # without which that of the expectation would miss most of Fresnel's. (p > 0: it was chosen.)
+        p = torch.where(crossed, 1 - F, F)
+        return Bounce(d, (p / p.detach())[None], crossed, torch.where(crossed, -side, side))
 
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
         side = torch.ones_like(w.z) if side is None else side

@@ -1,0 +1,92 @@
+"""Value and gradient are finite everywhere: at the pole, the horizon and below it, at h = 0, at u = 0 and u → 1."""
+
+import itertools
+import math
+
+import torch
+from cases import DISTRIBUTIONS, TOLERANCES, bsdf, direction, each, models
+from torch import Tensor
+
+from torchms import BSDF
+
+ALPHAS = ((1e-3,), (0.05,), (1.0,), (2.0,), (2.0, 1e-3))
+THETAS = (0.0, 1e-4, 0.7, 1.5, math.radians(89.99))
+GRAZING = math.pi / 2
+DTYPES = {str(dtype).removeprefix("torch."): dtype for dtype in TOLERANCES}
+
+
+def edges(dtype: torch.dtype) -> tuple[Tensor, Tensor]:
+    """Every wi with every wo (n, 3): both sides, on the horizon, the mirror direction, back along wi, h horizontal, h = 0."""
+    rows = []
+    for theta, side in itertools.product(THETAS, (1, -1)):
+        wi = side * direction(theta)
+        x, y, z = wi.unbind(-1)
+        special = [wi, -wi, torch.stack([-x, -y, z]), torch.stack([x, y, -z]), torch.stack([-y, x, -z])]
+        others = [
+            sign * direction(t, phi) for t in (*THETAS, GRAZING) for sign in (1, -1) for phi in (0.7, 0.7 + math.pi, 2.3)
+        ]
+        flat = [torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64), torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)]
+        rows += [(wi, wo) for wo in special + others + flat]
+        rows += [(horizontal, wi) for horizontal in flat]
+    wi, wo = (torch.stack(column).to(dtype) for column in zip(*rows, strict=True))
+    return wi, wo
+
+
+def numbers(surface: BSDF, dtype: torch.dtype, generator: torch.Generator) -> Tensor:
+    """Paths (N, D) of extreme numbers, all alike and mixed, and ordinary ones."""
+    least, most = 0.0, 1 - torch.finfo(dtype).eps / 2
+    D = surface.n_uniforms
+    mixed = torch.where(torch.rand(4, D, generator=generator) < 0.5, least, most)
+    ordinary = torch.rand(4, D, generator=generator)
+    return torch.cat([torch.full((1, D), least), torch.full((1, D), most), mixed, ordinary]).to(dtype).clamp_max(most)
+
+
+def parameters(surface: BSDF) -> dict[str, Tensor]:
+    """Every declared number, as a leaf that wants a gradient."""
+    return {name: value.requires_grad_() for name, value in surface.named_buffers()}
+
+
+def results(surface: BSDF, wi: Tensor, wo: Tensor, u: Tensor) -> dict[str, Tensor]:
+    """What every public method returns."""
+    sample, walk, albedo = surface.sample(wi, u), surface.sample_walk(wi, u), surface.albedo(wi, u)
+    return {
+        "forward": surface(wi, wo, u),
+        "orders": surface.orders(wi, wo, u),
+        "pdf": surface.pdf(wi, wo),
+        "sample.wo": sample.wo,
+        "sample.pdf": sample.pdf,
+        "walk.wo": walk.wo,
+        "walk.weight": walk.weight,
+        "albedo.reflected": albedo.reflected,
+        "albedo.transmitted": albedo.transmitted,
+    }
+
+
+@models()
+@each("distribution", DISTRIBUTIONS)
+@each("dtype", DTYPES)
+def test_values_and_gradients_are_finite(material, scattering, distribution, dtype, generator):
+    precision = DTYPES[dtype]
+    bad = []
+    for alpha in ALPHAS:
+        surface = bsdf(material, scattering, distribution, alpha, max_order=3, dtype=precision)
+        leaves = parameters(surface)
+        wi, wo = edges(precision)
+        u = numbers(surface, precision, generator).expand(len(wi), -1, -1)
+        wi.requires_grad_(), wo.requires_grad_()
+        for method, value in results(surface, wi, wo, u).items():
+            if not value.isfinite().all():
+                bad.append((alpha, method, "value", rows_of(value)))
+            if not value.requires_grad:
+                continue
+            wanted = {**leaves, "wi": wi, "wo": wo}
+            gradients = torch.autograd.grad(value.sum(), list(wanted.values()), retain_graph=True, allow_unused=True)
+            for name, gradient in zip(wanted, gradients, strict=True):
+                if gradient is not None and not gradient.isfinite().all():
+                    bad.append((alpha, method, f"d/d{name}", rows_of(gradient)))
+    assert not bad, "\n".join(map(str, bad))
+
+
+def rows_of(value: Tensor) -> list[int]:
+    """The first rows that hold something that is not finite."""
+    return (~value.isfinite()).reshape(len(value) if value.ndim else 1, -1).any(1).nonzero()[:6, 0].tolist()
