@@ -108,7 +108,7 @@ def run(
             else:
                 numbers = ()
             blocks.add(kernel(here, *some, numbers), rows, paths)
-    return tuple(out.reshape(*batch, *out.shape[1:]) for out in blocks.results())
+    return tuple(out.reshape((*batch, *out.shape[1:])) for out in blocks.results())
 
 
 def _flat_parameter(value: Tensor, batch: torch.Size, channels: bool) -> Tensor:

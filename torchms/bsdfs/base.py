@@ -125,12 +125,12 @@ class BSDF(Parametric):
         `u` may be left out where the scattering is deterministic. Rows on a side that the surface does not serve are 0.
         Raises ValueError if a shape does not fit.
         """
-        numbers = self._check(wi, wo, u, self.scattering.is_deterministic(self.vertex), "forward")
+        numbers = self._check({"wi": wi, "wo": wo}, u, self.scattering.is_deterministic(self.vertex), "forward")
         return blocks.run(_forward, self, (wi, wo), numbers)[0]
 
     def orders(self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None) -> Orders:
         """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
-        numbers = self._check(wi, wo, u, self.scattering.is_deterministic(self.vertex), "orders")
+        numbers = self._check({"wi": wi, "wo": wo}, u, self.scattering.is_deterministic(self.vertex), "orders")
         return blocks.run(_orders, self, (wi, wo), numbers)[0]
 
     def sample(self, wi: Direction, u: Uniforms | Stream) -> DirectionSample:
@@ -138,12 +138,12 @@ class BSDF(Parametric):
 
         For a `wi` on a side that the surface does not serve, pdf = 0.
         """
-        self._check(wi, None, u, False, "sample")
+        self._check({"wi": wi}, u, False, "sample")
         return DirectionSample(*blocks.run(_sample, self, (wi,), u, per_path=True))
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
-        self._check(wi, wo, None, True, "pdf")
+        self._check({"wi": wi, "wo": wo}, None, True, "pdf")
         return blocks.run(_pdf, self, (wi, wo), None)[0]
 
     def sample_walk(self, wi: Direction, u: Uniforms | Stream) -> WalkSample:
@@ -151,7 +151,7 @@ class BSDF(Parametric):
 
         Its expectation is that of the model in the scattering slot.
         """
-        self._check(wi, None, u, False, "sample_walk")
+        self._check({"wi": wi}, u, False, "sample_walk")
         wo, weight, order = blocks.run(_walk, self, (wi,), u, per_path=True)
         return WalkSample(wo, weight, order.to(torch.int64))
 
@@ -160,16 +160,14 @@ class BSDF(Parametric):
 
         No η² factor, whatever the mode.
         """
-        self._check(wi, None, u, False, "albedo")
+        self._check({"wi": wi}, u, False, "albedo")
         return Albedo(*blocks.run(_albedo, self, (wi,), u))
 
     def _check(
-        self, wi: Tensor, wo: Tensor | None, u: Tensor | Stream | None, optional: bool, caller: str
+        self, directions: dict[str, Tensor], u: Tensor | Stream | None, optional: bool, caller: str
     ) -> Tensor | Stream | None:
         """Raise if an argument does not fit; the random numbers to use."""
-        for name, w in (("wi", wi), ("wo", wo)):
-            if w is None and name == "wo":
-                continue
+        for name, w in directions.items():
             if not isinstance(w, Tensor) or not w.is_floating_point():
                 raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {_kind(w)}.")
             if w.ndim == 0 or w.shape[-1] != 3:

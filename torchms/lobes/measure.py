@@ -119,6 +119,8 @@ def _walk_block(
     for value in (total, rest):
         sums += [value.sum(-1), (value * value).sum(-1)]
     if bins is not None:
+        for plane in planes[k + 1 : -1]:  # orders beyond the last one
+            plane.add(cells, torch.zeros_like(energy))
         # A path adds to a cell of the last plane at most a few times; its squares are summed bounce by bounce.
         sums += [torch.stack([p.sum for p in planes]), torch.stack([p.squares for p in planes])]
     return _Sums(*sums)

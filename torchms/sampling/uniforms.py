@@ -34,7 +34,7 @@ def draw(
     else:
         seed = int(torch.randint(2**31 - 1, (), generator=generator))
         points = SobolEngine(n_uniforms, scramble=True, seed=seed).draw(n_paths, dtype=torch.float64)
-        points = points.T.reshape(n_uniforms, n_paths, *(1,) * len(batch))
+        points = points.T.contiguous().reshape(n_uniforms, n_paths, *(1,) * len(batch))
         shift = torch.rand((n_uniforms, 1, *batch), generator=generator, dtype=torch.float64)
         # Rounding to a shorter dtype may reach 1, which is outside of [0, 1).
         u = ((points + shift) % 1.0).to(dtype).clamp_max(1 - torch.finfo(dtype).eps / 2)
