@@ -97,9 +97,7 @@ def serves(material: str, scattering: str) -> bool:
     return True
 
 
-def models(
-    materials: Iterable[str] = ONE_OF_EACH, scatterings: Iterable[str] = SCATTERINGS
-) -> pytest.MarkDecorator:
+def models(materials: Iterable[str] = ONE_OF_EACH, scatterings: Iterable[str] = SCATTERINGS) -> pytest.MarkDecorator:
     """Parametrize over material × scattering, as far as the one takes the other."""
     pairs = [(m, s) for m, s in itertools.product(materials, scatterings) if serves(m, s)]
     return pytest.mark.parametrize("material,scattering", pairs, ids=["-".join(pair) for pair in pairs])

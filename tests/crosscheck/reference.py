@@ -58,7 +58,9 @@ def incident(row: dict[str, Any]) -> torch.Tensor:
 def oracles(default: int, slow: int) -> pytest.MarkDecorator:
     """Parametrize over row × exact model, with a few walks and, slow, with many."""
     cases = [
-        pytest.param(name, scattering, n, marks=[pytest.mark.slow] if n == slow else [], id=f"{name}-{scattering}-{n:.0e}")
+        pytest.param(
+            name, scattering, n, marks=[pytest.mark.slow] if n == slow else [], id=f"{name}-{scattering}-{n:.0e}"
+        )
         for n in (default, slow)
         for name, row in ROWS.items()
         for scattering in ORACLES

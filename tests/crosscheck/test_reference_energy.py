@@ -33,7 +33,10 @@ def test_every_order_agrees(name, scattering, n_paths, seed, budget):
     errors = torch.cat([tally.reflected_stderr, tally.transmitted_stderr, tally.rest_stderr[None]])[:, 0]
     theirs = torch.tensor([*row["R"], *row["T"], row["R_rest"] + row["T_rest"]], dtype=torch.float64)
     z = share_z_score(Estimate(means, errors, n_paths), counted(theirs, row["n"]), ROUNDING)
-    budget(p_value(z), lambda i: f"{(*SIDES, 'rest')[i // 10]}[{i % 10}] = {means[i]:.3g} ± {errors[i]:.2g}, {theirs[i]:.3g}")
+    budget(
+        p_value(z),
+        lambda i: f"{(*SIDES, 'rest')[i // 10]}[{i % 10}] = {means[i]:.3g} ± {errors[i]:.2g}, {theirs[i]:.3g}",
+    )
 
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS)
@@ -44,7 +47,12 @@ def test_the_first_order_is_the_quadrature(scattering, distribution, seed, budge
     p = []
     for key in keys:
         _, ax, ay, theta = key.split("|")
-        row = {"material": "conductor", "distribution": distribution, "alpha": [float(ax), float(ay)], "theta_i": float(theta)}
+        row = {
+            "material": "conductor",
+            "distribution": distribution,
+            "alpha": [float(ax), float(ay)],
+            "theta_i": float(theta),
+        }
         tally = measure(model(row, scattering, 1), incident(row), n_paths=100_000, seed=seed, progress=False)
         ours = Estimate(tally.reflected, tally.reflected_stderr, tally.n)
         # The table's own error is 4e-4 at most where its caption says so of the walks; quadrature is taken as exact.

@@ -12,7 +12,12 @@ def test_every_cell_agrees(name, scattering, n_paths, seed, budget):
     row = ROWS[name]
     theirs = lobe_counts(row)
     tally = measure(
-        model(row, scattering), incident(row), n_paths=n_paths, seed=seed, bins=tuple(theirs.mean.shape[1:]), progress=False
+        model(row, scattering),
+        incident(row),
+        n_paths=n_paths,
+        seed=seed,
+        bins=tuple(theirs.mean.shape[1:]),
+        progress=False,
     )
     lobes = tally.lobes
     ours = Estimate(lobes.mean[..., 0] * lobes.bin_sr, lobes.stderr[..., 0] * lobes.bin_sr, n_paths)

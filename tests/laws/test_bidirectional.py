@@ -1,4 +1,4 @@
-"""Joining two walks is the same sum as following one: order by order, in energy, in its symmetry and in its gradient."""
+"""Joining two walks is the same sum as following one: order by order, in energy, in symmetry and in gradient."""
 
 import json
 import math

@@ -20,7 +20,7 @@ def test_pdf_is_normalised_and_sample_follows_it(material, distribution, alpha, 
     p = []
     for side in sides(material):
         wi = side * direction(theta)
-        expected = sphere_cells(lambda w: surface.pdf(wi, w), CELLS, 2e-4)  # noqa: B023
+        expected = sphere_cells(lambda w: surface.pdf(wi, w), CELLS, 2e-4)
         assert float(expected.sum()) == pytest.approx(1, abs=1e-3)
         wo, pdf = surface.sample(wi, surface.uniforms((), 100_000, generator=generator))
         torch.testing.assert_close(pdf, surface.pdf(wi, wo), rtol=1e-9, atol=0)

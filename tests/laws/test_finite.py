@@ -23,7 +23,10 @@ def edges(dtype: torch.dtype) -> tuple[Tensor, Tensor]:
         x, y, z = wi.unbind(-1)
         special = [wi, -wi, torch.stack([-x, -y, z]), torch.stack([x, y, -z]), torch.stack([-y, x, -z])]
         others = [
-            sign * direction(t, phi) for t in (*THETAS, GRAZING) for sign in (1, -1) for phi in (0.7, 0.7 + math.pi, 2.3)
+            sign * direction(t, phi)
+            for t in (*THETAS, GRAZING)
+            for sign in (1, -1)
+            for phi in (0.7, 0.7 + math.pi, 2.3)
         ]
         flat = [torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64), torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)]
         rows += [(wi, wo) for wo in special + others + flat]

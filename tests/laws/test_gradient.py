@@ -52,7 +52,7 @@ def test_gradcheck_at_fixed_numbers(material, scattering, distribution, generato
 
             def values(*parameters: Tensor) -> tuple[Tensor, Tensor]:
                 surface = build(material, scattering, distribution, *parameters)
-                return surface(side_i * wi, side_o * wo, u), surface.orders(side_i * wi, side_o * wo, u)  # noqa: B023
+                return surface(side_i * wi, side_o * wo, u), surface.orders(side_i * wi, side_o * wo, u)
 
             assert torch.autograd.gradcheck(values, point(material), eps=1e-6, atol=1e-6, rtol=1e-4)
 

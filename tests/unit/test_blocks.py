@@ -5,7 +5,7 @@ import torch
 from cases import bsdf, direction, directions, each, models
 from torch import nn
 
-from torchms import GGX, RoughConductor, RoughDielectric, RoughDiffuse, Unidirectional, Uncorrelated, blocks
+from torchms import GGX, RoughConductor, RoughDielectric, RoughDiffuse, Uncorrelated, Unidirectional, blocks
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = (1, 3, 7)

@@ -55,7 +55,11 @@ BAD_INPUT = {
     # Slots
     "distribution": (lambda: RoughConductor(0.5, Ideal()), TypeError, r"distribution=\.\.\.\) must be GGX.*got 0\.5"),
     "fresnel": (lambda: RoughConductor(GGX(0.5), 1.5), TypeError, r"fresnel=\.\.\.\).*Conductor\.metal.*got 1\.5"),
-    "fresnel of glass": (lambda: RoughDielectric(GGX(0.5), Ideal()), TypeError, r"must be .*Dielectric\(eta\); got Ideal"),
+    "fresnel of glass": (
+        lambda: RoughDielectric(GGX(0.5), Ideal()),
+        TypeError,
+        r"must be .*Dielectric\(eta\); got Ideal",
+    ),
     "scattering": (
         lambda: RoughConductor(GGX(0.5), Ideal(), Invariance()),
         TypeError,
@@ -79,10 +83,22 @@ BAD_INPUT = {
     ),
     "no order": (lambda: HeightWalk(0), ValueError, r"HeightWalk\(max_order=\.\.\.\).*\[1, 256\]; got 0.*SingleBounce"),
     "too many orders": (lambda: Unidirectional(Correlated(), 1000), ValueError, r"max_order=\.\.\.\).*got 1000"),
-    "half an order": (lambda: Unidirectional(Correlated(), 2.5), TypeError, r"max_order=\.\.\.\) must be an int; got 2\.5"),
+    "half an order": (
+        lambda: Unidirectional(Correlated(), 2.5),
+        TypeError,
+        r"max_order=\.\.\.\) must be an int; got 2\.5",
+    ),
     # Arguments
-    "wi of two": (lambda: walked().pdf(torch.zeros(4, 2), UP), ValueError, r"wi must be \(\*batch, 3\).*got shape \(4, 2\)"),
-    "wo of two": (lambda: walked().pdf(UP, torch.zeros(4, 2)), ValueError, r"wo must be \(\*batch, 3\).*got shape \(4, 2\)"),
+    "wi of two": (
+        lambda: walked().pdf(torch.zeros(4, 2), UP),
+        ValueError,
+        r"wi must be \(\*batch, 3\).*got shape \(4, 2\)",
+    ),
+    "wo of two": (
+        lambda: walked().pdf(UP, torch.zeros(4, 2)),
+        ValueError,
+        r"wo must be \(\*batch, 3\).*got shape \(4, 2\)",
+    ),
     "wi a list": (lambda: walked().pdf([0, 0, 1], UP), TypeError, r"wi must be a floating-point Tensor.*got list"),
     "wi of integers": (lambda: walked().pdf(UP.long(), UP), TypeError, r"wi must be a floating-point.*torch\.int64"),
     "wo missing": (lambda: walked().pdf(UP, None), TypeError, r"wo must be a floating-point Tensor"),
@@ -96,14 +112,26 @@ BAD_INPUT = {
         ValueError,
         r"do not broadcast: wi \(4,\), wo \(1,\); parameters \[\(7,\)\]",
     ),
-    "u missing": (lambda: walked()(UP, UP), ValueError, r"forward\(\) needs random numbers: u is missing.*bsdf\.uniforms"),
+    "u missing": (
+        lambda: walked()(UP, UP),
+        ValueError,
+        r"forward\(\) needs random numbers: u is missing.*bsdf\.uniforms",
+    ),
     "u of the wrong D": (
         lambda: walked().sample(UP, torch.zeros(1, 2, 3)),
         ValueError,
         r"u must be \(\*batch, N, D\) with N >= 1 and D = 5.*got shape \(1, 2, 3\).*bsdf\.uniforms",
     ),
-    "u without paths": (lambda: walked().albedo(UP, torch.zeros(1, 0, 5)), ValueError, r"N >= 1.*got shape \(1, 0, 5\)"),
-    "u a number": (lambda: walked().sample_walk(UP, 0.5), TypeError, r"u must be .* a floating-point Tensor.*got float"),
+    "u without paths": (
+        lambda: walked().albedo(UP, torch.zeros(1, 0, 5)),
+        ValueError,
+        r"N >= 1.*got shape \(1, 0, 5\)",
+    ),
+    "u a number": (
+        lambda: walked().sample_walk(UP, 0.5),
+        TypeError,
+        r"u must be .* a floating-point Tensor.*got float",
+    ),
 }
 
 
@@ -179,7 +207,10 @@ def test_defaults():
 def test_isotropic_is_the_limit(generator):
     """α_y = α_x is the same surface as one α."""
     wi, wo = directions(50, generator, 0.05), directions(50, generator, 0.05)
-    one, two = bsdf("conductor[conductor]", "single", alpha=(0.4,)), bsdf("conductor[conductor]", "single", alpha=(0.4, 0.4))
+    one, two = (
+        bsdf("conductor[conductor]", "single", alpha=(0.4,)),
+        bsdf("conductor[conductor]", "single", alpha=(0.4, 0.4)),
+    )
     torch.testing.assert_close(one(wi, wo), two(wi, wo), rtol=1e-12, atol=0)
 
 

@@ -30,7 +30,7 @@ def test_G1_is_the_projected_area(distribution, generator):
     model, w, _ = pairs(distribution, generator, 6)
     assert (w[:, 2] < 0).any() and (w[:, 2] > 0).any()
     for one in w:
-        area = sphere_cells(lambda m: (m @ one).clamp_min(0) * model.D(m), (32, 32), 1e-7).sum()  # noqa: B023
+        area = sphere_cells(lambda m: (m @ one).clamp_min(0) * model.D(m), (32, 32), 1e-7).sum()
         assert float(G1_dist(model, one)) == pytest.approx(float(one[2].abs() / area), rel=1e-6)
 
 
@@ -87,7 +87,9 @@ def test_one_order_is_a_single_bounce(material, distribution, generator):
     wi, wo = directions(200, generator, 0.01), directions(200, generator)
     single = bsdf(material, "single", distribution)(wi, wo)
     for scattering in ("correlated", "invariance"):
-        torch.testing.assert_close(bsdf(material, scattering, distribution, max_order=1)(wi, wo), single, rtol=RTOL, atol=ATOL)
+        torch.testing.assert_close(
+            bsdf(material, scattering, distribution, max_order=1)(wi, wo), single, rtol=RTOL, atol=ATOL
+        )
 
 
 @each("distribution", DISTRIBUTIONS)

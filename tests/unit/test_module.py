@@ -93,7 +93,10 @@ def test_bound_sees_through_parametrizations():
 
 def test_the_first_bad_element_is_named():
     assert first_bad(torch.tensor(True), torch.tensor(-1.0)) == "-1"
-    assert first_bad(torch.tensor([[False, False], [False, True]]), torch.tensor([[1.0, 1], [1, 7]])) == "7 at index (1, 1)"
+    assert (
+        first_bad(torch.tensor([[False, False], [False, True]]), torch.tensor([[1.0, 1], [1, 7]]))
+        == "7 at index (1, 1)"
+    )
 
 
 def test_repr_shows_the_numbers():

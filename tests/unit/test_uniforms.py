@@ -4,7 +4,7 @@ import pytest
 import torch
 from cases import each
 
-from torchms import GGX, RoughConductor, Unidirectional, Uncorrelated
+from torchms import GGX, RoughConductor, Uncorrelated, Unidirectional
 from torchms.fresnel import Ideal
 from torchms.sampling.uniforms import SEQUENCES, draw
 from torchms.testing import chi_square_p_value

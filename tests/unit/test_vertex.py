@@ -78,8 +78,10 @@ def test_refraction_is_symmetric_up_to_eta_squared(distribution, generator):
     for transmitted in (False, True):
         mask = torch.full(w.z.shape, transmitted)
         there = model.transport(w, d, outside, mask) * area(w)
-        back = model.transport(-d, -w, inside, mask) * area(-d) * 1.5**2 if transmitted else (
-            model.transport(d, w, outside, mask) * area(d)
+        back = (
+            model.transport(-d, -w, inside, mask) * area(-d) * 1.5**2
+            if transmitted
+            else (model.transport(d, w, outside, mask) * area(d))
         )
         assert (there > 0).double().mean() > 0.01
         torch.testing.assert_close(there, back, rtol=1e-8, atol=1e-14)
@@ -95,7 +97,9 @@ def test_diffuse_phase_is_an_estimate_of_its_density(distribution, generator, bu
     truth = []
     for one, other in zip(w, d, strict=True):
         truth.append(
-            sphere_cells(lambda m: model.distribution.D_visible(one, m) * (m @ other).clamp_min(0), (16, 16), 1e-6).sum()  # noqa: B023
+            sphere_cells(
+                lambda m: model.distribution.D_visible(one, m) * (m @ other).clamp_min(0), (16, 16), 1e-6
+            ).sum()
         )
     budget(p_value(z_score(estimate(phase), exactly(torch.stack(truth) / math.pi), rounding=1e-5)))
 

@@ -24,7 +24,9 @@ def estimate(samples: Tensor, dim: int = 0) -> Estimate:
     samples = samples.detach().double()
     n = samples.shape[dim]
     if n < 2:
-        raise ValueError(f"estimate(samples=...) needs at least 2 samples along dim {dim}; got shape {tuple(samples.shape)}.")
+        raise ValueError(
+            f"estimate(samples=...) needs at least 2 samples along dim {dim}; got shape {tuple(samples.shape)}."
+        )
     return Estimate(samples.mean(dim), samples.std(dim) / math.sqrt(n), n)
 
 

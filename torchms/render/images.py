@@ -1,0 +1,106 @@
+"""Pictures on disk: linear EXR, and PNG in sRGB."""
+
+import io
+import tempfile
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from torchms.files import check_writable, write_whole
+
+SUFFIXES = (".exr", ".png")
+
+
+def check_picture(path: str | Path, force: bool) -> Path:
+    """`path`, if a picture may be written there; ValueError for another suffix, see `check_writable` for the rest."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise ValueError(f"{path} must end in {' or '.join(SUFFIXES)}: PNG is tone-mapped, EXR is linear.")
+    return check_writable(path, force)
+
+
+def srgb(linear: Tensor) -> Tensor:
+    """sRGB values in [0, 1] of linear ones, clipped [IEC 61966-2-1]."""
+    x = linear.clamp(0, 1)
+    return torch.where(x <= 0.0031308, 12.92 * x, 1.055 * x.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def linear(encoded: Tensor) -> Tensor:
+    """The inverse of `srgb`."""
+    x = encoded.clamp(0, 1)
+    return torch.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
+
+
+def filmic(x: Tensor) -> Tensor:
+    """A curve that rolls highlights off, linear in and out; the fit to the ACES reference of Narkowicz (2015)."""
+    x = 0.6 * x.clamp_min(0)
+    return (x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)).clamp(0, 1)
+
+
+def write_picture(
+    path: str | Path, pixels: Tensor, *, exposure: float = 0.0, tone: str = "srgb", force: bool = False
+) -> None:
+    """`pixels` (rows, columns, 3), linear, at `path`, whole or not at all.
+
+    .exr: as they are, in float32. .png: times 2^exposure, through the `tone` curve ("srgb" clips, "filmic" rolls
+    off), 8 bits.
+    """
+    path = check_picture(path, force)
+    if path.suffix.lower() == ".exr":
+        write_whole(path, exr_bytes(pixels), force)
+        return
+    from PIL import Image
+
+    exposed = pixels.double() * 2.0**exposure
+    encoded = srgb(filmic(exposed) if tone == "filmic" else exposed)
+    content = io.BytesIO()
+    Image.fromarray((encoded * 255).round().to(torch.uint8).numpy()).save(content, "PNG", optimize=True)
+    write_whole(path, content.getvalue(), force)
+
+
+def exr_bytes(pixels: Tensor) -> bytes:
+    """An OpenEXR file with the channels R, G and B in float32."""
+    OpenEXR = _openexr()
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with tempfile.TemporaryDirectory() as folder:
+        name = str(Path(folder) / "picture.exr")
+        with OpenEXR.File(header, {"RGB": pixels.float().contiguous().numpy()}) as file:
+            file.write(name)
+        return Path(name).read_bytes()
+
+
+def read_picture(path: str | Path) -> Tensor:
+    """The linear pixels (rows, columns, 3) of an .exr or an sRGB image file that Pillow reads, float32.
+
+    Raises ValueError for a file that is not there or cannot be read.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"the picture {path} does not exist.")
+    try:
+        if path.suffix.lower() != ".exr":
+            from PIL import Image
+            from PIL.ImageOps import exif_transpose
+
+            with Image.open(path) as image:
+                rgb = exif_transpose(image).convert("RGB")
+                encoded = torch.frombuffer(bytearray(rgb.tobytes()), dtype=torch.uint8)
+            return linear(encoded.reshape(rgb.height, rgb.width, 3).float() / 255)
+        with _openexr().File(str(path)) as file:
+            channels = {name: torch.from_numpy(c.pixels.astype("float32")) for name, c in file.channels().items()}
+    except (OSError, RuntimeError) as error:
+        raise ValueError(f"the picture {path} cannot be read: {error}") from error
+    for name in ("RGB", "RGBA"):
+        if name in channels:
+            return channels[name][..., :3].contiguous()
+    if "Y" in channels:
+        return channels["Y"][..., None].expand(-1, -1, 3).contiguous()
+    raise ValueError(f"the picture {path} has no channels R, G and B; it has {', '.join(channels)}.")
+
+
+def _openexr():
+    try:
+        import OpenEXR
+    except ImportError as error:
+        raise ImportError("torchms.render needs OpenEXR for .exr files: pip install 'torchms[render]'.") from error
+    return OpenEXR
