@@ -84,10 +84,14 @@ def test_conductor(mi, distribution, alpha, generator):
 @pytest.mark.parametrize("side", [1, -1], ids=["outside", "inside"])
 @pytest.mark.parametrize("transmitted", [False, True], ids=["reflected", "transmitted"])
 def test_dielectric(mi, distribution, alpha, side, transmitted, generator):
+    """Where light is likely to go, from and to directions that are not too flat; in radiance, so over η² as well."""
     ax, ay = ALPHAS[alpha]
     ours, theirs = facets(mi, distribution, (ax, ay))
-    wi = directions(N, generator, 0.15) * side
-    wo = directions(N, generator, 0.15) * (-side if transmitted else side)
+    surface = RoughDielectric(ours, Dielectric(1.5).double(), SingleBounce())
+    wi = directions(10 * N, generator, 0.15) * side
+    wo = surface.sample(wi, surface.uniforms((10 * N,), generator=generator)).wo[:, 0]
+    kept = ((wo[:, 2] * side > 0) != transmitted) & (wo[:, 2].abs() > 0.15)
+    wi, wo = wi[kept], wo[kept]
     plugin = {"type": "roughdielectric", "distribution": distribution, "alpha_u": ax, "alpha_v": ay}
     plugin |= {"int_ior": 1.5, "ext_ior": 1.0}
     eta = 1.5**side if transmitted else 1.0
@@ -96,6 +100,5 @@ def test_dielectric(mi, distribution, alpha, side, transmitted, generator):
     G1 = separable(mi, theirs, wi, wo, half(wi, wo, eta))
     theirs_value = value(mi, plugin, wi, wo)[:, :1]
     undone = torch.where(G1 > 0, theirs_value / torch.where(G1 > 0, G1, 1.0) * G, 0.0)
-    surface = RoughDielectric(ours, Dielectric(1.5).double(), SingleBounce())
-    assert (undone > 1e-4).double().mean() > 0.2
+    assert (undone > 1e-4).sum() > N / 2
     torch.testing.assert_close(surface(wi, wo), undone, rtol=RTOL, atol=1e-6)
