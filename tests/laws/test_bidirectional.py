@@ -265,14 +265,18 @@ def test_variance_of_one_path(alpha, generator, seed):
 
 @pytest.mark.parametrize("material,segment", MODELS, ids=["-".join(pair) for pair in MODELS])
 def test_gradient_is_that_of_finite_differences(material, segment, generator):
-    """In α_x, α_y and both directions, with the same random numbers."""
+    """In α_x, α_y and both directions, with the same random numbers.
+
+    Glass with one bounce only: the choice to refract carries a gradient that no fixed numbers show.
+    """
+    max_order = 1 if transmits(material) else 3
     wi, wo = (w[:2] for w in pairs(material, generator))
-    bsdf = surface(material, Bidirectional(SEGMENTS[segment](), 3))
+    bsdf = surface(material, Bidirectional(SEGMENTS[segment](), max_order))
     u = bsdf.uniforms((2,), 1, generator=generator)
 
     def f(ax: Tensor, ay: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
         wi, wo = (torch.nn.functional.normalize(w, dim=-1) for w in (wi, wo))
-        model = MATERIALS[material](GGX(ax, ay), Bidirectional(SEGMENTS[segment](), 3)).to(torch.float64)
+        model = MATERIALS[material](GGX(ax, ay), Bidirectional(SEGMENTS[segment](), max_order)).to(torch.float64)
         return model(wi, wo, u)
 
     alphas = torch.tensor([0.6, 0.35], dtype=torch.float64)
