@@ -1,6 +1,6 @@
 """Write a set of ONNX files and check each against eager.
 
-    python -m export --out /tmp/evaluators
+    python -m export --out build/onnx
 
 The exit code is 1 if a bound is missed, 2 for arguments that do not fit.
 """
@@ -22,7 +22,7 @@ FlagOnly = tyro.conf.FlagCreatePairsOff
 class Options:
     """Write a set of ONNX evaluators, check each against eager, and print the parity table."""
 
-    out: Path
+    out: Path = Path("build/onnx")
     """Folder for the files; it is made if it does not exist."""
     materials: tuple[Literal["conductor", "dielectric", "diffuse"], ...] = ("conductor", "dielectric", "diffuse")
     """Materials of the set."""
