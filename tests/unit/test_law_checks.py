@@ -45,7 +45,10 @@ def test_z_and_p():
 def test_rare_shares_are_compared_as_counts():
     """0 of 1e6 against 3 of 1e6 is nothing; against 30 it is; a sample without an event has no error to divide by."""
     none = Estimate(torch.zeros((), dtype=F64), torch.zeros((), dtype=F64), 10**6)
-    few, many = (Estimate(torch.tensor(k * 1e-6, dtype=F64), torch.tensor(math.sqrt(k) * 1e-6, dtype=F64), 10**6) for k in (3, 30))
+    few, many = (
+        Estimate(torch.tensor(k * 1e-6, dtype=F64), torch.tensor(math.sqrt(k) * 1e-6, dtype=F64), 10**6)
+        for k in (3, 30)
+    )
     assert abs(share_z_score(none, none)) == 0
     assert abs(share_z_score(none, few)) < 2.5
     assert share_z_score(none, many) < -5
@@ -106,5 +109,5 @@ def test_a_dark_surface_fails_the_furnace(generator):
 
 
 def test_reciprocity_wants_numbers_where_values_are_estimates():
-    with pytest.raises(ValueError, match="u_back=.*needed"):
+    with pytest.raises(ValueError, match=r"u_back=.*needed"):
         reciprocal_pair(bsdf("diffuse", "single"), direction(0.5), direction(0.6))
