@@ -175,3 +175,11 @@ def test_double_over_several_bounces() -> None:
     bsdf = RoughDielectric(GGX(0.4, 0.6), Dielectric(1.5), HeightWalk(2)).double()
     parity = check(exported(bsdf), checked(bsdf, "forward", (), "input", 1), rows=30_000)
     assert parity.rel_p999 < 1e-12 and parity.misses == 0, parity
+
+
+def test_double_is_refused_where_it_is_not_double(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the exporter's help, Python's numbers would be rounded to float32."""
+    monkeypatch.setattr("torchms.onnx.graph._ARITHMETIC", set())
+    bsdf = RoughConductor(GGX(0.3), Conductor(0.2, 3.0), SingleBounce()).double()
+    with pytest.raises(ValueError, match=r"float64.*Export bsdf\.float\(\)"):
+        export(bsdf, tmp_path / "x.onnx", what="pdf")

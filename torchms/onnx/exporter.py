@@ -56,7 +56,8 @@ def export(
     uniforms: "input": an input `u` (batch, N, D); "sobol": a scrambled Sobol set of N points that serves every element
     is baked in; "seed": an input `seed`, int64 (batch), expanded as `torchms.Stream(seed, n_paths)` does.
     n_paths: N. None leaves it open, for "input" only.
-    The dtype is that of `bsdf`. float64 is written only if nothing in the file is float32.
+    The dtype is that of `bsdf`. float64 is written only if nothing in the file is float32, and after its numbers were
+    compared with eager's on a few thousand rows.
     Raises ValueError for arguments out of range and for what cannot be exported, with the reason; FileExistsError if
     `path` exists and `force` is not set; ImportError if the onnx extra is missing.
     """
@@ -90,7 +91,10 @@ def exported(
         onnx.checker.check_model(content, full_check=True)
     except onnx.checker.ValidationError as error:
         raise ValueError(f"the exporter wrote a graph that onnx.checker refuses: {error}") from error
-    return seal.sealed(content)
+    content = seal.sealed(content)
+    if bsdf.dtype == torch.float64:
+        refuse_rounded(content, graph)
+    return content
 
 
 def checked(bsdf: BSDF, what: str, parameters: Sequence[str], uniforms: str, n_paths: int | None) -> Graph:
@@ -153,7 +157,7 @@ def traced(graph: Graph) -> Any:
             )
         except torch.onnx.OnnxExporterError as error:
             raise ValueError(
-                f"{type(graph.bsdf).__name__} with {graph.bsdf.scattering} cannot be exported ({graph.what}): "
+                f"{type(graph.bsdf).__name__} with {_line(graph.bsdf.scattering)} cannot be exported ({graph.what}): "
                 f"{_root(error)}"
             ) from error
     assert program is not None
@@ -177,7 +181,19 @@ def refuse_float32(model: Any, graph: Graph) -> None:
     if single:
         raise ValueError(
             f"a float64 file is offered only where all of it is float64; {type(graph.bsdf).__name__} with "
-            f"{graph.bsdf.scattering} ({graph.what}) has {len(single)} float32 values. Export bsdf.float()."
+            f"{_line(graph.bsdf.scattering)} ({graph.what}) has {len(single)} float32 values. Export bsdf.float()."
+        )
+
+
+def refuse_rounded(content: bytes, graph: Graph) -> None:
+    """Raise ValueError if a float64 file does not give float64 numbers: a constant may have been rounded on its way."""
+    from torchms.onnx.check import check
+
+    parity = check(content, graph, rows=4096)
+    if parity.failures:
+        raise ValueError(
+            f"a float64 file is offered only where it is as good as that; {type(graph.bsdf).__name__} with "
+            f"{_line(graph.bsdf.scattering)} ({graph.what}) is not: {'; '.join(parity.failures)}. Export bsdf.float()."
         )
 
 
@@ -210,8 +226,8 @@ def describe(model: Any, graph: Graph) -> None:
         "torchms.version": __version__,
         "torchms.what": graph.what,
         "torchms.conventions": CONVENTIONS,
-        "torchms.material": " ".join(str(bsdf).split()),
-        "torchms.model": " ".join(str(bsdf.scattering).split()),
+        "torchms.material": _line(bsdf),
+        "torchms.model": _line(bsdf.scattering),
         "torchms.orders": str(bsdf.max_order),
         "torchms.channels": str(C),
         "torchms.uniforms": graph.uniforms,
@@ -227,6 +243,11 @@ def describe(model: Any, graph: Graph) -> None:
         model.metadata_props.add(key=key, value=value)
     model.producer_name, model.producer_version = "torchms", __version__
     model.doc_string = f"{graph.what} of {type(bsdf).__name__}, {model_name}: see the metadata for the conventions."
+
+
+def _line(module: torch.nn.Module) -> str:
+    """A module's description on one line."""
+    return " ".join(str(module).split())
 
 
 def _root(error: BaseException) -> str:

@@ -179,5 +179,7 @@ class ExactScalars(TorchFunctionMode):
 
 _ARITHMETIC = {
     *("add", "sub", "mul", "div", "true_divide", "rsub", "where", "pow", "maximum", "minimum"),
+    *("clamp_min", "clamp_max", "gt", "ge", "lt", "le"),
     *(f"__{prefix}{name}__" for prefix in ("", "r") for name in ("add", "sub", "mul", "truediv", "div", "pow")),
+    *("__gt__", "__ge__", "__lt__", "__le__"),
 }
