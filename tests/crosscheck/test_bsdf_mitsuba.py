@@ -1,7 +1,7 @@
 """Single bounces against Mitsuba 3's `roughconductor` and `roughdielectric`.
 
-Mitsuba's shadowing is separable, G1(wi) G1(wo); its own is divided out and ours put in. Its Beckmann G1 is a rational fit, off by
-3e-3, so it must be its own that is divided out. It computes in float32.
+Mitsuba's shadowing is separable, G1(wi) G1(wo); its own is divided out and ours put in. Its Beckmann G1 is a rational fit,
+off by 3e-3, so it must be its own that is divided out. It computes in float32.
 """
 
 from importlib import import_module
