@@ -47,7 +47,7 @@ STEEP = Bounds(max=5e-6, p999=5e-6, sensitive=1e-3)
 SAMPLE = Bounds(max=1e-3, p999=1e-5, sensitive=1e-4)
 """A direction and its density: near a tiny alpha one ulp of the direction moves the density."""
 MULTIPLE = Bounds(max=1e-3, p999=1e-5, sensitive=5e-5)
-GLASS = Bounds(max=1e-3, p999=5e-5, sensitive=1e-4)
+GLASS = Bounds(max=1e-3, p999=1e-5, sensitive=1e-4)
 """Several bounces through glass: more branches, and orders that are small differences."""
 DOUBLE = Bounds(max=1e-12, p999=1e-12, rms_ratio=math.inf)
 
