@@ -39,6 +39,13 @@ def safe_div(a: Tensor, b: Tensor) -> Tensor:
     return torch.where(ok, a, 0.0) / torch.where(ok, b, 1.0)
 
 
+def score(p: Tensor) -> Tensor:
+    """p / p = 1 with the gradient of ln p: what a sample of density p weighs; without a gradient where p is 0."""
+    held = p.detach()
+    ok = held > smallest(p.dtype)
+    return torch.where(ok, p, 1.0) / torch.where(ok, held, 1.0)
+
+
 def log1p(x: Tensor) -> Tensor:
     """ln(1 + x) for x > −1, accurate near 0 with exportable operations (Kahan's form: log(u) · x / (u − 1))."""
     u = 1 + x

@@ -8,8 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from torchms.frame import Vec3, scaled
+from torchms.paths.held import Knots, differentiated
 from torchms.paths.segment import Leg, Segment
-from torchms.paths.vertex import Vertex
+from torchms.paths.vertex import Bounce, Vertex
 
 
 class Exit(NamedTuple):
@@ -71,14 +72,23 @@ class PathTracer(Scattering):
 
     One walk serves all orders. Its weight after j bounces is the product of the phase functions over their densities:
     the Fresnel terms. The heights are the segment's affair.
+
+    attached: in `backward`, whether the directions that were drawn follow the parameters (as they do at fixed random
+    numbers), or are held, see `torchms.paths.held`. None, the default, takes what is unbiased and has less variance:
+    they are held in `evaluate` where a facet is a mirror or refracts, and follow where it is diffuse, and in `walk`.
+    True is biased in `evaluate` for distributions that do not vanish at the horizon (GGX): values of mirrors and glass
+    jump at h_z = 0, and its gradients miss that the jump moves. False is unbiased everywhere.
     """
 
     segment: Segment
 
-    def __init__(self, segment: Segment, max_order: int) -> None:
+    def __init__(self, segment: Segment, max_order: int, attached: bool | None = None) -> None:
         super().__init__()
         self.segment = segment
         self.max_order = check_max_order(max_order, type(self).__name__)
+        if attached is not None and not isinstance(attached, bool):
+            raise TypeError(f"{type(self).__name__}(attached=...) must be True, False or None; got {attached!r}.")
+        self.attached = attached
 
     # Random numbers: number 0 stops the walk, then come those of each bounce: the vertex's and the segment's.
 
@@ -111,8 +121,29 @@ class PathTracer(Scattering):
         """The segment's random number of the leg after bounce k = 0 … K − 1."""
         return u[1 + k * (vertex.n_uniforms + 1) + vertex.n_uniforms] if self.segment.n_uniforms else None
 
+    def _knots(self, vertex: Vertex, wi: Vec3, wo: Vec3 | None) -> Knots | None:
+        """What directions are held relative to; None if they are attached."""
+        attached = (wo is None or not vertex.jumps) if self.attached is None else self.attached
+        return None if attached else vertex.knots(wi, wo)
+
+    def _bounce(
+        self,
+        vertex: Vertex,
+        w: Vec3,
+        normal: Vec3,
+        numbers: tuple[Tensor, ...],
+        side: Tensor | None,
+        knots: Knots | None,
+    ) -> Bounce:
+        """A direction off the facet, held unless `knots` is None or nobody wants a gradient."""
+        bounce = vertex.sample(w, normal, numbers, side)
+        if knots is None or not differentiated(*bounce.d, *normal, *knots):
+            return bounce
+        return vertex.held(bounce, w, normal, side, knots)
+
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
         w, side, valid, state = self._start(vertex, wi, u)
+        knots = self._knots(vertex, wi, wo)
         # Λ is even under a turn about the normal, so this is Λ of wo in whichever frame it points up.
         lam_o = vertex.distribution.blocking(scaled(wo, torch.where(wo.z < 0, -1.0, 1.0).to(wo.z.dtype)))
         up_o = wo.z != 0 if vertex.transmits else wo.z > 0
@@ -133,7 +164,7 @@ class PathTracer(Scattering):
             if last:
                 break
             assert normal is not None and numbers is not None
-            bounce = vertex.sample(w, normal, numbers[2:], side)
+            bounce = self._bounce(vertex, w, normal, numbers[2:], side, knots)
             leg = Leg(
                 vertex.distribution.blocking(bounce.d), bounce.d.z > 0, bounce.crossed, self._height(vertex, u, k)
             )
@@ -145,11 +176,12 @@ class PathTracer(Scattering):
     def walk(self, vertex: Vertex, wi: Vec3, u: Sequence[Tensor]) -> Iterator[Exit]:
         w, side, valid, state = self._start(vertex, wi, u)
         entered = side
+        knots = self._knots(vertex, wi, None)
         weight: Tensor = valid.to(w.z.dtype)[None]
         for k in range(1, self.max_order + 1):
             numbers = self._numbers(vertex, u, k)
             normal = vertex.visible_normal(w, numbers[0], numbers[1])
-            bounce = vertex.sample(w, normal, numbers[2:], side)
+            bounce = self._bounce(vertex, w, normal, numbers[2:], side, knots)
             height = self._height(vertex, u, k) if k < self.max_order else None
             leg = Leg(vertex.distribution.blocking(bounce.d), bounce.d.z > 0, bounce.crossed, height)
             weight = weight * bounce.weight

@@ -9,6 +9,7 @@ from torch import Tensor
 from torchms.estimators.base import PathTracer
 from torchms.frame import Vec3
 from torchms.paths.connection import balance, extend_others
+from torchms.paths.held import Knots
 from torchms.paths.segment import Invariance, Leg, Segment
 from torchms.paths.vertex import Vertex, View
 
@@ -33,16 +34,16 @@ class Bidirectional(PathTracer):
 
     Every pair of sub-paths with s + t = k − 1 bounces is joined at a facet; the ways of one order are weighted by the
     balance heuristic over all of them. One path is a few such pairs of walks, see `lengths`. Unbiased for the model of
-    the `segment`: no thresholds. Raises ValueError when it is put into a dielectric with `Invariance`, which knows one
-    side of the surface only.
+    the `segment`: no thresholds. `attached`: see `PathTracer`; the default is right. Raises ValueError when it is put
+    into a dielectric with `Invariance`, which knows one side of the surface only.
     """
 
-    def __init__(self, segment: Segment, max_order: int = 8) -> None:
+    def __init__(self, segment: Segment, max_order: int = 8, attached: bool | None = None) -> None:
         if not isinstance(segment, Segment) or segment.n_uniforms:
             raise TypeError(
                 f"Bidirectional(segment=...) must be Uncorrelated(), Correlated() or Invariance(); got {segment!r}."
             )
-        super().__init__(segment, max_order)
+        super().__init__(segment, max_order, attached)
         self.is_reciprocal = segment.is_reciprocal
         self.is_unbiased = isinstance(segment, Invariance) or self.max_order == 1
 
@@ -88,8 +89,10 @@ class Bidirectional(PathTracer):
         self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor], first: int, length: int, lowest: int
     ) -> dict[int, Tensor]:
         """f of the orders `lowest` … `length` from one pair of walks, whose random numbers begin at `first`."""
-        ahead = self._nodes(vertex, wi, u, first, length, against=False)
-        behind = self._nodes(vertex, wo, u, first + length * vertex.n_uniforms, length, against=True)
+        knots = self._knots(vertex, wi, wo)
+        turned = None if knots is None else tuple(-knot for knot in knots)
+        ahead = self._nodes(vertex, wi, u, first, length, knots, against=False)
+        behind = self._nodes(vertex, wo, u, first + length * vertex.n_uniforms, length, turned, against=True)
         join = self.segment.joiner([node.leg for node in ahead], [node.leg for node in behind], vertex.monotone)
         orders: dict[int, Tensor] = {}
         for k in range(lowest, length + 1):
@@ -106,7 +109,14 @@ class Bidirectional(PathTracer):
         return orders
 
     def _nodes(
-        self, vertex: Vertex, start: Vec3, u: Sequence[Tensor], first: int, length: int, against: bool
+        self,
+        vertex: Vertex,
+        start: Vec3,
+        u: Sequence[Tensor],
+        first: int,
+        length: int,
+        knots: Knots | None,
+        against: bool,
     ) -> list[Node]:
         """The walk from `start`, a node before each bounce; its random numbers begin at `first`.
 
@@ -133,7 +143,7 @@ class Bidirectional(PathTracer):
             if last:
                 break
             assert normal is not None and numbers is not None
-            bounce = vertex.sample(w, normal, numbers[2:], side)
+            bounce = self._bounce(vertex, w, normal, numbers[2:], side, knots)
             out = View(bounce.d, distribution.guarded_area(bounce.d), None, bounce.side)
             others = extend_others(others, vertex.densities(view, out, bounce.crossed))
             weight = bounce.weight if weight is None else weight * bounce.weight

@@ -9,13 +9,14 @@ class HeightWalk(PathTracer):
 
     A ray that may escape is followed with the probability that it stays, instead of being ended at random; this changes
     no expectation, lowers the variance and keeps the gradient. Results do not depend on the distribution of heights.
+    `attached`: see `PathTracer`; the default is right.
     """
 
     is_unbiased = True
     is_reciprocal = True
 
-    def __init__(self, max_order: int = 8) -> None:
-        super().__init__(RandomHeight(), max_order)
+    def __init__(self, max_order: int = 8, attached: bool | None = None) -> None:
+        super().__init__(RandomHeight(), max_order, attached)
 
     def extra_repr(self) -> str:
         return f"max_order={self.max_order}"

@@ -7,17 +7,17 @@ from torchms.paths.segment import Invariance, Segment
 class Unidirectional(PathTracer):
     """Sum over all paths of up to `max_order` bounces, sampled from wi, with a `segment` model for the heights.
 
-    What is left after `max_order` bounces is not counted. Raises ValueError when it is put into a dielectric with
-    `Invariance`, which knows one side of the surface only.
+    What is left after `max_order` bounces is not counted. `attached`: see `PathTracer`; the default is right. Raises
+    ValueError when it is put into a dielectric with `Invariance`, which knows one side of the surface only.
     """
 
-    def __init__(self, segment: Segment, max_order: int = 8) -> None:
+    def __init__(self, segment: Segment, max_order: int = 8, attached: bool | None = None) -> None:
         if not isinstance(segment, Segment):
             raise TypeError(
                 f"{type(self).__name__}(segment=...) must be Uncorrelated(), Correlated() or Invariance(); "
                 f"got {segment!r}."
             )
-        super().__init__(segment, max_order)
+        super().__init__(segment, max_order, attached)
         self.is_reciprocal = segment.is_reciprocal
         self.is_unbiased = isinstance(segment, Invariance) or self.max_order == 1
 

@@ -18,7 +18,8 @@ from torchms.frame import Vec3, dot, half_vector, normalized, orthonormal_basis,
 from torchms.fresnel.base import Fresnel
 from torchms.fresnel.dielectric import fresnel_dielectric
 from torchms.module import channels_first
-from torchms.numerics import safe_div, smallest
+from torchms.numerics import safe_div, score, smallest
+from torchms.paths.held import Knots, constant, hold
 from torchms.sampling.warps import cosine_hemisphere
 
 
@@ -64,6 +65,8 @@ class Vertex(ABC):
     phase_needs_normal: bool = False
     """Whether `phase` is an estimate that needs a sampled normal."""
     transmits: bool = False
+    jumps: bool = True
+    """Whether `phase` jumps somewhere: at h_z = 0, where the density of normals need not vanish."""
 
     @abstractmethod
     def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
@@ -72,6 +75,10 @@ class Vertex(ABC):
     @abstractmethod
     def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
         """A direction off the facet with normal `normal`; `numbers` are those after the first two."""
+
+    @abstractmethod
+    def held(self, bounce: Bounce, w: Vec3, normal: Vec3, side: Tensor | None, knots: Knots) -> Bounce:
+        """`bounce` of `sample` with its direction held: the weight's gradient is that of phase / held density."""
 
     @abstractmethod
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
@@ -92,6 +99,10 @@ class Vertex(ABC):
     def relative_eta(self, side: Tensor) -> Tensor:
         """n_transmitted / n_incident for light that arrives on `side`; 1 where no facet transmits."""
         return torch.ones_like(side)
+
+    def knots(self, wi: Vec3, wo: Vec3 | None) -> Knots:
+        """What directions between `wi` and `wo` (None: anywhere) are held relative to; none if nothing jumps."""
+        return ()
 
     def enter(self, wi: Vec3) -> tuple[Vec3, Tensor | None, Tensor]:
         """Light arrives from `wi`: the view direction in the local frame, the side, and whether the side is ours."""
@@ -116,12 +127,22 @@ class Mirror(Vertex):
     n_uniforms = 2
     monotone = True
 
+    def knots(self, wi: Vec3, wo: Vec3 | None) -> Knots:
+        one = torch.ones_like(wi.z)
+        return (-one, -wi.z, one) if wo is None else (-one, -wi.z, wo.z, one)
+
     def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
         h = half_vector(w, d)
         return self.fresnel.reflectance(dot(w, h)) * reflection_density(self.distribution, w, h)
 
     def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
         return Bounce(reflect(w, normal), self.fresnel.reflectance(dot(w, normal)))
+
+    def held(self, bounce: Bounce, w: Vec3, normal: Vec3, side: Tensor | None, knots: Knots) -> Bounce:
+        d, growth = hold(bounce.d, knots)
+        h = half_vector(w, d)
+        weight = self.fresnel.reflectance(dot(w, h)) * score(reflection_density(self.distribution, w, h))
+        return Bounce(d, weight if growth is None else weight * growth)
 
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
         return reflection_density(self.distribution, w, half_vector(w, d))
@@ -152,6 +173,15 @@ class Refractive(Vertex):
         """n_transmitted / n_incident for light that arrives on `side`."""
         return torch.where(side > 0, self.eta, 1 / self.eta)
 
+    def index(self, side: Tensor) -> Tensor:
+        """n on `side`, relative to the outside's."""
+        return torch.where(side > 0, 1.0, self.eta)
+
+    def knots(self, wi: Vec3, wo: Vec3 | None) -> Knots:
+        one = torch.ones_like(wi.z)
+        ends = (-wi.z * self.index(wi.z),) if wo is None else (-wi.z * self.index(wi.z), wo.z * self.index(wo.z))
+        return (-one, one, -one * self.eta, one * self.eta, *ends)
+
     def enter(self, wi: Vec3) -> tuple[Vec3, Tensor | None, Tensor]:
         side = torch.where(wi.z < 0, -1.0, 1.0).to(wi.z.dtype)
         return scaled(wi, side), side, wi.z != 0
@@ -165,10 +195,17 @@ class Refractive(Vertex):
         F, _ = fresnel_dielectric(dot(w, normal).clamp(0.0, 1.0), eta)
         crossed = numbers[0] >= F
         d = select(crossed, -refract(w, normal, eta), reflect(w, normal))
-        # The weight is 1, but the probability of the choice depends on the parameters: p / p carries the gradient of ln p,
-        # without which that of the expectation would miss most of Fresnel's. (p > 0: it was chosen.)
-        p = torch.where(crossed, 1 - F, F)
-        return Bounce(d, (p / p.detach())[None], crossed, torch.where(crossed, -side, side))
+        # The weight is 1, but the probability of the choice depends on the parameters: without its score, the gradient
+        # of the expectation would miss most of Fresnel's.
+        weight = score(torch.where(crossed, 1 - F, F))
+        return Bounce(d, weight[None], crossed, torch.where(crossed, -side, side))
+
+    def held(self, bounce: Bounce, w: Vec3, normal: Vec3, side: Tensor | None, knots: Knots) -> Bounce:
+        assert side is not None and bounce.crossed is not None
+        assert bounce.side is not None
+        d, growth = hold(bounce.d, knots, bounce.side * self.index(bounce.side))
+        weight = score(self.transport(w, select(bounce.crossed, -d, d), side, bounce.crossed))
+        return Bounce(d, (weight if growth is None else weight * growth)[None], bounce.crossed, bounce.side)
 
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
         side = torch.ones_like(w.z) if side is None else side
@@ -226,6 +263,7 @@ class Diffuse(Vertex):
     n_uniforms = 4
     monotone = False
     phase_needs_normal = True
+    jumps = False
 
     def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
         """(ρ / π) ⟨d, m⟩ of one visible normal m: an unbiased estimate of the mean over all of them."""
@@ -242,6 +280,11 @@ class Diffuse(Vertex):
             c.x * t.z + c.y * b.z + c.z * normal.z,
         )
         return Bounce(d, channels_first(self.albedo, d.z.ndim).expand(-1, *d.z.shape))
+
+    def held(self, bounce: Bounce, w: Vec3, normal: Vec3, side: Tensor | None, knots: Knots) -> Bounce:
+        # The facet is held with its direction: the density of the direction alone is an integral over facets.
+        weight = bounce.weight * score(self.distribution.visible_density(w, constant(normal)))
+        return Bounce(constant(bounce.d), weight)
 
     def density(self, w: Vec3, d: Vec3, side: Tensor | None = None, nodes: int = 16) -> Tensor:
         """(1 / π) ∫ ⟨d, m⟩ D_w(m) dm by the midpoint rule on nodes × nodes visible normals."""
