@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
     from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
     from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
+    from torchms.parametrize import constrain
     from torchms.paths.segment import Correlated, Invariance, Segment, Uncorrelated
     from torchms.sampling.stream import Stream
 
@@ -34,6 +35,7 @@ _HOME = {
     "Invariance": "paths.segment",
     "Segment": "paths.segment",
     "Uncorrelated": "paths.segment",
+    "constrain": "parametrize",
 }
 _MODULES = ("fresnel", "lobes", "microsurface")
 
@@ -56,6 +58,7 @@ __all__ = [
     "Uncorrelated",
     "Unidirectional",
     "__version__",
+    "constrain",
     "fresnel",
     "lobes",
     "microsurface",
