@@ -14,10 +14,12 @@ import torchms
 from torchms import (
     BSDF,
     GGX,
+    GTR,
     Beckmann,
     Correlated,
     HeightWalk,
     Invariance,
+    KullaConty,
     MicrofacetDistribution,
     RoughConductor,
     RoughDielectric,
@@ -25,12 +27,22 @@ from torchms import (
     Scattering,
     Segment,
     SingleBounce,
+    Turquin,
     Uncorrelated,
     Unidirectional,
 )
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
 
-DISTRIBUTIONS: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
+
+def gtr(alpha: float | Tensor, gamma: float | Tensor = 1.5) -> GTR:
+    """GTR, whose second number is γ where others have α_y."""
+    return GTR(alpha, gamma)
+
+
+ELLIPTIC: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
+"""Those with α_x and α_y, which the reference tables and other renderers have as well."""
+
+DISTRIBUTIONS: dict[str, Callable[..., MicrofacetDistribution]] = {**ELLIPTIC, "gtr": gtr}
 
 SEGMENTS: dict[str, type[Segment]] = {
     "uncorrelated": Uncorrelated,
@@ -43,6 +55,12 @@ SCATTERINGS: dict[str, Callable[[int], Scattering]] = {
     **{name: lambda max_order, s=segment: Unidirectional(s(), max_order) for name, segment in SEGMENTS.items()},
     "height-walk": HeightWalk,
 }
+
+COMPENSATIONS: dict[str, Callable[[int], Scattering]] = {
+    "kulla-conty": lambda max_order: KullaConty(),
+    "turquin": lambda max_order: Turquin(),
+}
+"""Closed forms over tables, which only `ELLIPTIC` distributions have."""
 
 FRESNELS: dict[str, Callable[[], Fresnel]] = {
     "ideal": Ideal,
@@ -84,7 +102,7 @@ def bsdf(
 ) -> BSDF:
     """The BSDF of these names, with buffers of `dtype`."""
     facets = DISTRIBUTIONS[distribution](*alpha)
-    return MATERIALS[material](facets, SCATTERINGS[scattering](max_order)).to(dtype)
+    return MATERIALS[material](facets, {**SCATTERINGS, **COMPENSATIONS}[scattering](max_order)).to(dtype)
 
 
 @functools.cache
@@ -103,9 +121,15 @@ def models(materials: Iterable[str] = ONE_OF_EACH, scatterings: Iterable[str] = 
     return pytest.mark.parametrize("material,scattering", pairs, ids=["-".join(pair) for pair in pairs])
 
 
+HEAVY = {"gtr"}
+"""What is integrated numerically: its laws are slow tests, tests/unit/distributions/test_gtr.py has the quick ones."""
+
+
 def each(name: str, table: Iterable[Any]) -> pytest.MarkDecorator:
     """Parametrize over the keys of a table."""
-    return pytest.mark.parametrize(name, list(table))
+    return pytest.mark.parametrize(
+        name, [pytest.param(key, marks=pytest.mark.slow) if key in HEAVY else key for key in table]
+    )
 
 
 def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from cases import DISTRIBUTIONS, LOSSLESS, MATERIALS, SCATTERINGS, direction, serves
+from cases import ELLIPTIC, LOSSLESS, MATERIALS, SCATTERINGS, direction, serves
 
 from torchms import BSDF
 from torchms.testing import Estimate
@@ -46,7 +46,7 @@ def counted(share: torch.Tensor, n: int) -> Estimate:
 
 def model(row: dict[str, Any], scattering: str, max_order: int = 10) -> BSDF:
     """The BSDF that the row describes."""
-    facets = DISTRIBUTIONS[row["distribution"]](*row["alpha"])
+    facets = ELLIPTIC[row["distribution"]](*row["alpha"])
     return MATERIALS[LOSSLESS[row["material"]]](facets, SCATTERINGS[scattering](max_order))
 
 

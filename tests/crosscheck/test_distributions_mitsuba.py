@@ -6,7 +6,7 @@ from types import ModuleType
 
 import pytest
 import torch
-from cases import DISTRIBUTIONS
+from cases import ELLIPTIC
 from torch import Tensor
 
 pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
@@ -44,20 +44,20 @@ def vector(mi: ModuleType, v: Tensor):
     return mi.Vector3f(*v.tolist())
 
 
-@pytest.mark.parametrize("name", DISTRIBUTIONS)
+@pytest.mark.parametrize("name", ELLIPTIC)
 @pytest.mark.parametrize("alpha", ALPHAS, ids=str)
 def test_density_of_normals(mi, name, alpha):
     m = normals(alpha)
     other = theirs(mi, name, alpha)
     expected = torch.tensor([float(other.eval(vector(mi, row))) for row in m])
-    torch.testing.assert_close(DISTRIBUTIONS[name](*alpha).D(m), expected, rtol=1e-5, atol=0)
+    torch.testing.assert_close(ELLIPTIC[name](*alpha).D(m), expected, rtol=1e-5, atol=0)
 
 
 @pytest.mark.parametrize("alpha", ALPHAS, ids=str)
 @pytest.mark.parametrize("theta", VIEWS)
 def test_ggx_masking_and_visible_density(mi, alpha, theta):
     w, m = direction(theta), normals(alpha)
-    ours, other = DISTRIBUTIONS["ggx"](*alpha), theirs(mi, "ggx", alpha)
+    ours, other = ELLIPTIC["ggx"](*alpha), theirs(mi, "ggx", alpha)
     # Their G1 is zero where the macro-normal and m see w from different sides.
     facing = m[(m @ w) > 0.02]
     masking = float(other.smith_g1(vector(mi, w), vector(mi, facing[0])))
@@ -70,7 +70,7 @@ def test_ggx_masking_and_visible_density(mi, alpha, theta):
 @pytest.mark.parametrize("theta", VIEWS)
 def test_beckmann_visible_density_up_to_their_rational_masking(mi, alpha, theta):
     w, m = direction(theta), normals(alpha)
-    ours, other = DISTRIBUTIONS["beckmann"](*alpha), theirs(mi, "beckmann", alpha)
+    ours, other = ELLIPTIC["beckmann"](*alpha), theirs(mi, "beckmann", alpha)
     facing = m[(m @ w) > 0.02]
     masking = float(other.smith_g1(vector(mi, w), vector(mi, facing[0])))
     # Their G1 is a rational fit, 3e-3 off, and 1 from cot θ / α = 1.6.

@@ -3,5 +3,6 @@
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.distributions.beckmann import Beckmann
 from torchms.distributions.ggx import GGX
+from torchms.distributions.gtr import GTR
 
-__all__ = ["GGX", "Beckmann", "MicrofacetDistribution"]
+__all__ = ["GGX", "GTR", "Beckmann", "MicrofacetDistribution"]

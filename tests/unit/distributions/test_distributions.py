@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 import torch
-from cases import DISTRIBUTIONS
+from cases import ELLIPTIC
 from torch import Tensor, nn
 
 from torchms.distributions import MicrofacetDistribution
@@ -19,7 +19,7 @@ from torchms.testing.chi_square import cell_index
 
 F64 = torch.float64
 DTYPES = [torch.float32, torch.float64]
-BOTH = pytest.mark.parametrize("family", DISTRIBUTIONS.values(), ids=DISTRIBUTIONS.keys())
+BOTH = pytest.mark.parametrize("family", ELLIPTIC.values(), ids=ELLIPTIC.keys())
 ALPHAS = [(1.0,), (0.25,), (0.5, 0.8), (1.0, 0.1)]
 PHI = 0.7
 
