@@ -11,7 +11,7 @@ from torchms.version import __version__
 if TYPE_CHECKING:
     from torchms import fresnel, lobes, microsurface
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-    from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
+    from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
     from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
     from torchms.parametrize import constrain
     from torchms.paths.segment import Correlated, Invariance, Segment, Uncorrelated
@@ -24,6 +24,7 @@ _HOME = {
     "RoughDiffuse": "bsdfs",
     "Beckmann": "distributions",
     "GGX": "distributions",
+    "GTR": "distributions",
     "MicrofacetDistribution": "distributions",
     "Bidirectional": "estimators",
     "HeightWalk": "estimators",
@@ -42,6 +43,7 @@ _MODULES = ("fresnel", "lobes", "microsurface")
 __all__ = [
     "BSDF",
     "GGX",
+    "GTR",
     "Beckmann",
     "Bidirectional",
     "Correlated",
