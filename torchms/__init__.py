@@ -10,7 +10,9 @@ from torchms.version import __version__
 
 if TYPE_CHECKING:
     from torchms import fresnel, lobes, microsurface
+    from torchms.approximations import KullaConty, Turquin
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+    from torchms.compiled import compile
     from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
     from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
     from torchms.parametrize import constrain
@@ -28,6 +30,7 @@ _HOME = {
     "MicrofacetDistribution": "distributions",
     "Bidirectional": "estimators",
     "HeightWalk": "estimators",
+    "KullaConty": "approximations",
     "Scattering": "estimators",
     "SingleBounce": "estimators",
     "Stream": "sampling.stream",
@@ -35,7 +38,9 @@ _HOME = {
     "Correlated": "paths.segment",
     "Invariance": "paths.segment",
     "Segment": "paths.segment",
+    "Turquin": "approximations",
     "Uncorrelated": "paths.segment",
+    "compile": "compiled",
     "constrain": "parametrize",
 }
 _MODULES = ("fresnel", "lobes", "microsurface")
@@ -49,6 +54,7 @@ __all__ = [
     "Correlated",
     "HeightWalk",
     "Invariance",
+    "KullaConty",
     "MicrofacetDistribution",
     "RoughConductor",
     "RoughDielectric",
@@ -57,9 +63,11 @@ __all__ = [
     "Segment",
     "SingleBounce",
     "Stream",
+    "Turquin",
     "Uncorrelated",
     "Unidirectional",
     "__version__",
+    "compile",
     "constrain",
     "fresnel",
     "lobes",

@@ -6,7 +6,9 @@ from typing import Annotated, Literal
 import tyro
 
 Material = Literal["conductor", "dielectric", "diffuse"]
-Model = Literal["uncorrelated", "correlated", "invariance", "height-walk", "single-bounce"]
+Model = Literal[
+    "uncorrelated", "correlated", "invariance", "height-walk", "single-bounce", "kulla-conty", "turquin"
+]
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class EnergyOptions:
     phi: float = 0.0
     """Azimuth of the incident direction [rad]."""
     models: tuple[Model, ...] = ("uncorrelated", "correlated", "invariance", "height-walk")
-    """Models to compare; for a dielectric, invariance is left out with the reason."""
+    """Models to compare; one that does not hold for the material is left out with the reason."""
     max_order: int = 10
     """Bounces to count."""
     samples: str = "1e6"

@@ -5,6 +5,7 @@ from typing import Any
 
 import torch
 
+from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.cli_options import EnergyOptions
 from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
@@ -22,7 +23,12 @@ MODELS = {
     "invariance": lambda K: Unidirectional(Invariance(), K),
     "height-walk": HeightWalk,
     "single-bounce": lambda K: SingleBounce(),
+    "kulla-conty": lambda K: KullaConty(),
+    "turquin": lambda K: Turquin(),
 }
+
+PARTIAL = ("invariance", "kulla-conty", "turquin")
+"""Models that do not hold for every material: among others they are left out, alone they are refused."""
 
 
 def parse_alpha(text: str) -> list[float]:
@@ -72,13 +78,14 @@ def run_energy(options: EnergyOptions) -> None:
     left_out: dict[str, str] = {}
     for name in options.models:
         scattering = MODELS[name](options.max_order)
-        if name == "invariance" and options.material == "dielectric" and len(options.models) > 1:
-            try:
-                build(options, scattering)
-            except ValueError as error:
-                left_out[name] = str(error)
-            continue
-        bsdfs[name] = build(options, scattering)
+        try:
+            bsdfs[name] = build(options, scattering)
+        except ValueError as error:
+            if name not in PARTIAL or len(options.models) == 1:
+                raise
+            left_out[name] = str(error)
+    if not bsdfs:
+        raise ValueError("; ".join(left_out.values()))
 
     tallies: dict[tuple[float, str], Tally] = {}
     for theta in options.theta:
