@@ -34,9 +34,9 @@ from torchms import (
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
 
 
-def gtr(alpha: float | Tensor, gamma: float | Tensor = 1.5) -> GTR:
-    """GTR, whose second number is γ where others have α_y."""
-    return GTR(alpha, gamma)
+def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
+    """GTR with γ = 1 + 2 α_y, where others have a second roughness."""
+    return GTR(alpha, 1 + 2 * alpha_y)
 
 
 ELLIPTIC: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}

@@ -70,6 +70,14 @@ class MicrofacetDistribution(Parametric):
         """
         return self.projected_area(w).clamp_min(1e-12 if w.z.dtype == torch.float32 else 1e-80)
 
+    def reflecting_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
+        """A normal to reflect `w` about, where only reflections above the horizon are of use."""
+        return self.visible_normal(w, u0, u1)
+
+    def reflecting_density(self, w: Vec3, m: Vec3) -> Tensor:
+        """Density [1/sr] of the reflection of `w` about `reflecting_normal`, by its normal `m`."""
+        return self.normal_density(m) / (4 * self.guarded_area(w))
+
     # The public surface.
 
     def D(self, m: Direction) -> Scalar:

@@ -6,8 +6,9 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.frame import Vec3, normalized
+from torchms.frame import Vec3, dot, join, normalized, split
 from torchms.numerics import safe_sqrt, smallest
+from torchms.typing import Direction, Pair, Scalar
 
 
 class GGX(EllipticDistribution):
@@ -38,14 +39,79 @@ class GGX(EllipticDistribution):
         return 0.5 * torch.where(below, rho2 / far, far)
 
     def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
-        # [Dupuy2023]: in the stretched frame the reflections of w are uniform on the cap z > −w_z, also for w_z < 0.
         s = normalized(self.stretched(w))
-        # 1 + w_z without cancellation below the horizon.
-        cap = torch.where(s.z < 0, (s.x * s.x + s.y * s.y) / (1 + s.z.abs()), 1 + s.z)
+        return self._normal_on_cap(s, self._cap(s), torch.zeros_like(s.z), u0, u1)
+
+    def _cap(self, s: Vec3) -> Tensor:
+        """1 + s_z, the height of the cap z > −s_z, without cancellation below the horizon."""
+        return torch.where(s.z < 0, (s.x * s.x + s.y * s.y) / (1 + s.z.abs()), 1 + s.z)
+
+    def _normal_on_cap(self, s: Vec3, cap: Tensor, rest: Tensor, u0: Tensor, u1: Tensor) -> Vec3:
+        """The normal that reflects `s` into a direction uniform on the cap of height `cap` ≤ 1 + s_z = cap + rest."""
+        # [Dupuy2023]: in the stretched frame the reflections of w by visible normals are uniform on the cap z > −s_z,
+        # also for s_z < 0.
         below_top = u1 * cap
         sin_theta = safe_sqrt(below_top * (2 - below_top))
         phi = (2 * math.pi) * u0
-        # m ∝ stretched(reflection + w); the z component 1 − below_top + s_z is (1 − u1) · cap.
+        # m ∝ stretched(reflection + w); the z component is 1 − below_top + s_z.
+        height = (1 - u1) * cap + rest
         return normalized(
-            self.stretched(Vec3(sin_theta * torch.cos(phi) + s.x, sin_theta * torch.sin(phi) + s.y, (1 - u1) * cap))
+            self.stretched(Vec3(sin_theta * torch.cos(phi) + s.x, sin_theta * torch.sin(phi) + s.y, height))
         )
+
+    # The visible normals that may reflect `w` above the horizon, and few others [Tokuyoshi2023].
+
+    def bound(self, w: Vec3) -> Tensor:
+        """k ≤ 1 of the cap z > −k s_z, which holds all stretched reflections that point up; 1 below the horizon."""
+        # [Tokuyoshi2023]: s = 1 + |w_xy|, a = min(α_x, α_y, 1), k = (1 − a²) s² / (s² + a² w_z²).
+        ax, ay = self.alphas
+        a = torch.minimum(ax, ay).clamp_max(1)
+        s = 1 + safe_sqrt(w.x * w.x + w.y * w.y)
+        s2, a2 = s * s, a * a
+        return torch.where(w.z > 0, (1 - a2) * s2 / (s2 + a2 * (w.z * w.z)), 1.0)
+
+    def bounded_area(self, w: Vec3) -> Tensor:
+        """∫ ⟨w, m⟩ D(m) dm over the bounded normals: (k w_z + r) / 2; σ(w) below the horizon."""
+        s = self.stretched(w)
+        r = torch.sqrt((s.x * s.x + s.y * s.y + s.z * s.z).clamp_min(smallest(s.z.dtype)))
+        # Below the horizon r + w_z cancels: [Tokuyoshi2023] divides by r − w_z, as does projected_area.
+        return torch.where(w.z > 0, 0.5 * (self.bound(w) * w.z + r), self.guarded_area(w))
+
+    def bounded_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
+        """A normal with density `bounded_density`."""
+        s = normalized(self.stretched(w))
+        k = self.bound(w)
+        up = w.z > 0
+        cap = torch.where(up, 1 + k * s.z, self._cap(s))
+        return self._normal_on_cap(s, cap, torch.where(up, (1 - k) * s.z, 0.0), u0, u1)
+
+    def within_bound(self, w: Vec3, m: Vec3) -> Tensor:
+        """Whether `m` reflects `w` into the cap."""
+        ax, ay = self.alphas
+        s = normalized(self.stretched(w))
+        n = normalized(Vec3(m.x * ay, m.y * ax, m.z * (ax * ay)))
+        z = 2 * dot(s, n) * n.z - s.z
+        # A sample at the rim keeps its density.
+        return z >= -self.bound(w) * s.z - 4 * torch.finfo(z.dtype).eps
+
+    def bounded_density(self, w: Vec3, m: Vec3) -> Tensor:
+        facing = torch.where(self.within_bound(w, m), dot(w, m).clamp_min(0), 0.0)
+        return self.normal_density(m) * facing / self.bounded_area(w)
+
+    def reflecting_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
+        return self.bounded_normal(w, u0, u1)
+
+    def reflecting_density(self, w: Vec3, m: Vec3) -> Tensor:
+        return torch.where(self.within_bound(w, m), self.normal_density(m) / (4 * self.bounded_area(w)), 0.0)
+
+    def sample_bounded(self, w: Direction, u: Pair) -> Direction:
+        """A normal that may reflect `w` above the horizon, with density `D_bounded`; `u` in [0, 1)².
+
+        Not for refraction: normals that refract but cannot reflect upward are left out. Reflections below the horizon remain,
+        but fewer than with `sample_visible`; none if α_x = α_y ≥ 1. For w below the horizon it is `sample_visible`.
+        """
+        return join(self.bounded_normal(split(w), u[..., 0], u[..., 1]))
+
+    def D_bounded(self, w: Direction, m: Direction) -> Scalar:
+        """Density of `sample_bounded` at `m` [1/sr]: D(m) ⟨w, m⟩ over its integral on the cap [Tokuyoshi2023]."""
+        return self.bounded_density(split(w), split(m))

@@ -142,8 +142,11 @@ def kepler(z: Tensor, K: Tensor, M: Tensor, excess: Tensor, top: Tensor) -> Tens
 
 def visible_normal(alpha: Tensor, gamma: Tensor, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
     """A normal with density D(m) ⟨w, m⟩ / σ(w); its gradient is that of the exact inverse."""
-    v = view(alpha, gamma, w, u0, u1)
     tiny = smallest(u0.dtype)
+    # Straight down no facet faces w, and σ is 0: any normal will do.
+    nadir = (w.z < 0) & (w.x * w.x + w.y * w.y < tiny**0.5)
+    w = Vec3(torch.where(nadir, 1.0, w.x), torch.where(nadir, 0.0, w.y), torch.where(nadir, 0.0, w.z))
+    v = view(alpha, gamma, w, u0, u1)
     rho = safe_sqrt(v.rho2)
     tail, grid = tail_of(v)
     down = tail.downward_area

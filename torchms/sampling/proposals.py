@@ -16,7 +16,7 @@ from torch import Tensor
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.frame import Vec3, dot, half_vector, mirrored, reflect, refract, scaled, select
 from torchms.fresnel.dielectric import fresnel_dielectric
-from torchms.paths.vertex import Refractive, reflection_density
+from torchms.paths.vertex import Refractive
 from torchms.sampling.warps import cosine_hemisphere, uniform_hemisphere
 
 
@@ -47,13 +47,13 @@ def folded_up(d: Vec3) -> Vec3:
 
 @dataclass(frozen=True)
 class ReflectionProposal(Proposal):
-    """Reflections about visible normals, folded up, and a cosine lobe."""
+    """Reflections about visible normals (bounded ones, where there are), folded up, and a cosine lobe."""
 
     distribution: MicrofacetDistribution
     n_uniforms = 3
 
     def sample(self, wi: Vec3, u: Sequence[Tensor]) -> Vec3:
-        single = folded_up(reflect(wi, self.distribution.visible_normal(wi, u[1], u[2])))
+        single = folded_up(reflect(wi, self.distribution.reflecting_normal(wi, u[1], u[2])))
         return select(u[0] < rest_share(self.distribution), cosine_hemisphere(u[1], u[2]), single)
 
     def density(self, wi: Vec3, wo: Vec3) -> Tensor:
@@ -62,7 +62,7 @@ class ReflectionProposal(Proposal):
         return torch.where((wi.z > 0) & (wo.z > 0), (1 - q) * single + q * wo.z / math.pi, 0.0)
 
     def _reflected(self, wi: Vec3, wo: Vec3) -> Tensor:
-        return reflection_density(self.distribution, wi, half_vector(wi, wo))
+        return self.distribution.reflecting_density(wi, half_vector(wi, wo))
 
 
 @dataclass(frozen=True)
