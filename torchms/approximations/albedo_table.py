@@ -19,9 +19,9 @@ FORMAT = 1
 """Version of the files: of the coordinates and of what the coefficients multiply."""
 
 SHAPES: dict[str, tuple[int, ...]] = {
-    "loss": (6, 21, 17, 7),  # harmonic, direction, size, shape
+    "loss": (7, 21, 19, 8),  # harmonic, direction, size, shape
     "mean": (28, 9),  # size, shape
-    "glass_loss": (2, 17, 11, 6),  # side, direction, size, eta
+    "glass_loss": (2, 31, 13, 8),  # side, direction, size, eta
     "glass_mean": (2, 28, 9),  # side, size, eta
 }
 """Coefficients of each series."""
@@ -36,7 +36,7 @@ def provenance(name: str) -> str:
     return (
         f"torchms {__version__}, torch {torch.__version__}; "
         f"python -m torchms.approximations.generate_tables {name}; single bounce of torchms, float64 quadrature "
-        "(reflection) and 8192 scrambled Sobol points (dielectric), Chebyshev series rounded to float32"
+        "(reflection) and 4096 scrambled Sobol points (dielectric), Chebyshev series rounded to float32"
     )
 
 
@@ -46,7 +46,8 @@ class AlbedoTable(nn.Module):
     `loss` and `mean_loss` are for facets with F = 1: any α_x, α_y of the distribution's range, any direction above the
     horizon. `glass_loss` and `glass_mean_loss` are for reflection and refraction together, α_x = α_y, relative index in
     [1/3, 3]. Everything is differentiable in the direction, the roughness and the index.
-    The error of E is below 1e-4 for F = 1 (tests/unit/test_albedo_table.py), and E_avg is the mean of the same series.
+    Error of E for F = 1: below 1e-4 where α_x = α_y; root mean square 1e-4 and below 1e-3 for any anisotropy. Error for
+    glass: 1e-3 in the median, up to 0.04 near grazing incidence and total reflection. E_avg is the mean of the same series.
     Raises ValueError for coefficients of other shapes, or that are not finite.
     """
 

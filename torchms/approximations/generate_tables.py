@@ -1,7 +1,7 @@
 """Writes the albedo tables beside this file: python -m torchms.approximations.generate_tables [distribution …]
 
 The energy of one bounce off facets with F = 1 is `energy_lost`, a quadrature whose error is below 1e-5; that of a
-dielectric is `RoughDielectric(…, SingleBounce()).albedo` with 2^13 scrambled Sobol points. Chebyshev series are fitted to
+dielectric is `RoughDielectric(…, SingleBounce()).albedo` with 2^12 scrambled Sobol points. Chebyshev series are fitted to
 both on tensor grids of nodes by weighted least squares. Takes a few minutes and writes the same numbers every time.
 """
 
@@ -31,7 +31,11 @@ FOLDER = Path(__file__).parent
 KINDS = {"GGX": GGX, "Beckmann": Beckmann}
 OVER = 1.25
 """Nodes along an axis for each coefficient."""
-SOBOL = 1 << 13
+RCOND = 1e-7
+"""Directions of the fit that the nodes determine worse than that are left out, so that no coefficient is large."""
+POINTS = {"GGX": (112, 32), "Beckmann": (56, 24)}
+"""Quadrature points over half a turn of the slopes and along a radius."""
+SOBOL = 1 << 12
 ROWS = 256
 """Nodes of the dielectric that are evaluated at a time."""
 
@@ -59,8 +63,8 @@ def fit(
     plane = torch.einsum("it,ja->taij", t, a).reshape(t.shape[1] * a.shape[1], -1) * scale[0].reshape(-1, 1)
     line = c.T * scale[1][:, None]
     right = values.reshape(len(plane), -1) * weight
-    half = torch.linalg.lstsq(plane * weight, right, driver="gelsd").solution
-    whole = torch.linalg.lstsq(line, half.T, driver="gelsd").solution
+    half = torch.linalg.lstsq(plane * weight, right, driver="gelsd", rcond=RCOND).solution
+    whole = torch.linalg.lstsq(line, half.T, driver="gelsd", rcond=RCOND).solution
     return whole.T.reshape(shape)
 
 
@@ -69,11 +73,12 @@ def conductor(name: str) -> Tensor:
     harmonics, *shape = SHAPES["loss"]
     root = at.SQUARE_ROOT[name]
     x = t, a, c = tuple(nodes(n) for n in shape)
-    psi = (torch.arange(harmonics + 3, dtype=torch.float64) + 0.5) * (math.pi / 2 / (harmonics + 3))
+    psi = (torch.arange(harmonics + 5, dtype=torch.float64) + 0.5) * (math.pi / 2 / (harmonics + 5))
     T, M, Q, PSI = torch.meshgrid((t + 1) / 2, at.size_at(a), at.shape_at(c), psi, indexing="ij")
     ax, ay = M * (1 + Q), M * (1 - Q)
     w = directions(T, PSI, ax, ay, root)
-    lost = energy_lost(KINDS[name], w.reshape(-1, 3), ax.reshape(-1), ay.reshape(-1), 40, 20).reshape(T.shape)
+    lost = energy_lost(KINDS[name], w.reshape(-1, 3), ax.reshape(-1), ay.reshape(-1), *POINTS[name])
+    lost = lost.reshape(T.shape)
     p = at.view(split(w), ax, ay, root).p[:, :, 0, 0]
     rho2 = (1 - at.stretched_cosine((t + 1) / 2, root) ** 2)[:, None].expand(p.shape)
     found = []
@@ -149,8 +154,8 @@ def _mean(table: AlbedoTable, ax: Tensor, ay: Tensor, eta: Tensor | None, side: 
 
 def _fit_plane(values: Tensor, x: Tensor, y: Tensor, shape: tuple) -> Tensor:
     a, b = polynomials(x, shape[0] - 1).T, polynomials(y, shape[1] - 1).T
-    half = torch.linalg.lstsq(a, values, driver="gelsd").solution
-    return torch.linalg.lstsq(b, half.T, driver="gelsd").solution.T
+    half = torch.linalg.lstsq(a, values, driver="gelsd", rcond=RCOND).solution
+    return torch.linalg.lstsq(b, half.T, driver="gelsd", rcond=RCOND).solution.T
 
 
 def generated(name: str) -> bytes:

@@ -19,8 +19,8 @@ class KullaConty(Compensated):
 
     F_ms is that of [Hill2018]. Anisotropic roughness has a table of its own, not a mean α. In a dielectric
     (α_x = α_y, eta in [1/3, 3]) the lost light of either side feeds lobes on both, in shares that keep energy and
-    reciprocity. A white furnace is white to 1e-3; the shape of the rest, and what coloured metals absorb on the way, are
-    guesses: `benchmarks/accuracy.py` says how good they are.
+    reciprocity. A white furnace is white to 1e-3, for glass to what its table allows (see `AlbedoTable`); the shape of the
+    rest, and what coloured metals absorb on the way, are guesses: `benchmarks/accuracy_lobes.py` says how good they are.
     table: an AlbedoTable or the path of one; None takes those of torchms, for GGX and Beckmann. Diffuse facets, other
     distributions and anisotropic glass are refused with a ValueError.
     """
