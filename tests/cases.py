@@ -35,8 +35,9 @@ from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
 
 
 def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
-    """GTR with γ = 1 + 2 α_y, where others have a second roughness."""
-    return GTR(alpha, 1 + 2 * alpha_y)
+    """GTR with γ = 1 + 2 α_y, where others have a second roughness, and α moved into its range."""
+    inside = alpha.clamp(0.01, 1) if isinstance(alpha, Tensor) else min(max(alpha, 0.01), 1.0)
+    return GTR(inside, 1 + 2 * alpha_y)
 
 
 ELLIPTIC: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
