@@ -146,7 +146,7 @@ def costs(rows: int = 100_000) -> dict[str, Any]:
         for name, surface in named.items():
             fixed = surface.scattering.is_deterministic(surface.vertex)
             u = None if fixed else surface.uniforms((rows,), generator=generator)
-            times = seconds(lambda s=surface, u=u: s(w[0], w[1], u), repetitions=3)
+            times = seconds(lambda s=surface, u=u: s(w[0], w[1], u), repetitions=5)
             found[name] = {key: 1e9 * value / rows for key, value in times.items()}
     return found
 
@@ -165,6 +165,7 @@ def figure(content: dict[str, Any]) -> None:
             values.append(math.sqrt(sum(r["error"][name] ** 2 for r in mine) / len(mine)))
         axes[0].bar([x + (i - 2.5) * 0.14 for x in range(len(labels))], values, 0.14, label=name)
     axes[0].set_yscale("log")
+    axes[0].set_ylim(3e-3, 3)
     axes[0].set_xticks(range(len(labels)), labels)
     axes[0].set_ylabel("RMS error of the lobe, relative")
     axes[0].set_title("F = 1, against Smith's theory (invariance)", fontsize=10)

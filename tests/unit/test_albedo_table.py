@@ -84,7 +84,7 @@ def test_glass_against_the_single_bounce(distribution, side, generator):
     found = table(distribution).glass_loss(kind(alpha), split(wi), eta, torch.tensor(side))
     off = (found - drawn).abs()
     # Near grazing incidence and total reflection E has edges that a series rounds off.
-    assert float(off.median()) < 1e-3
+    assert float(off.median()) < 2e-3
     assert float(off.max()) < 0.05
 
 
@@ -161,7 +161,7 @@ def test_damaged_files_are_refused(tmp_path, messages):
         AlbedoTable.load(path)
     for damage in (file.getvalue()[: len(file.getvalue()) // 2], b"", b"not a file of ours"):
         path.write_bytes(damage)
-        with pytest.raises(ValueError, match="truncated or no .npz"):
+        with pytest.raises(ValueError, match=r"truncated or no \.npz"):
             AlbedoTable.load(path)
     path.write_bytes(file.getvalue())
     assert AlbedoTable.load(path).distribution == "GGX"

@@ -9,6 +9,7 @@ import io
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -72,7 +73,7 @@ def conductor(name: str) -> Tensor:
     """Coefficients (harmonics, t, size, shape) of the loss with F = 1."""
     harmonics, *shape = SHAPES["loss"]
     root = at.SQUARE_ROOT[name]
-    x = t, a, c = tuple(nodes(n) for n in shape)
+    x = t, a, c = nodes(shape[0]), nodes(shape[1]), nodes(shape[2])
     psi = (torch.arange(harmonics + 5, dtype=torch.float64) + 0.5) * (math.pi / 2 / (harmonics + 5))
     T, M, Q, PSI = torch.meshgrid((t + 1) / 2, at.size_at(a), at.shape_at(c), psi, indexing="ij")
     ax, ay = M * (1 + Q), M * (1 - Q)
@@ -92,7 +93,7 @@ def dielectric(name: str) -> Tensor:
     """Coefficients (side, t, size, eta) of what reflection and refraction lose together; α_x = α_y."""
     _, *shape = SHAPES["glass_loss"]
     root = at.SQUARE_ROOT[name]
-    x = t, a, c = tuple(nodes(n) for n in shape)
+    x = t, a, c = nodes(shape[0]), nodes(shape[1]), nodes(shape[2])
     T, M, ETA = torch.meshgrid((t + 1) / 2, at.size_at(a), at.eta_at(c), indexing="ij")
     w = directions(T, torch.full_like(T, 0.3), M, M, root)
     p = at.view(split(w), M, M, root).p[:, :, 0]
@@ -166,13 +167,9 @@ def generated(name: str) -> bytes:
     table = AlbedoTable(name, {key: value.double() for key, value in rounded.items()})
     rounded["mean"], rounded["glass_mean"] = (value.float() for value in log_means(table, name))
     file = io.BytesIO()
-    np.savez_compressed(
-        file,
-        format=np.array(FORMAT),
-        distribution=np.array(name),
-        provenance=np.array(provenance(name)),
-        **{key: value.numpy() for key, value in rounded.items()},
-    )
+    content: dict[str, Any] = {key: value.numpy() for key, value in rounded.items()}
+    content |= {"format": np.array(FORMAT), "distribution": np.array(name), "provenance": np.array(provenance(name))}
+    np.savez_compressed(file, **content)
     return file.getvalue()
 
 
