@@ -6,9 +6,7 @@ from typing import Annotated, Literal
 import tyro
 
 Material = Literal["conductor", "dielectric", "diffuse"]
-Model = Literal[
-    "uncorrelated", "correlated", "invariance", "height-walk", "single-bounce", "kulla-conty", "turquin"
-]
+Model = Literal["uncorrelated", "correlated", "invariance", "height-walk", "single-bounce", "kulla-conty", "turquin"]
 
 
 @dataclass(frozen=True)
