@@ -17,7 +17,7 @@ from torchms.distributions.gtr_closed import (
     sharpness_to_alpha,
 )
 from torchms.fresnel import Ideal
-from torchms.testing import chi_square
+from torchms.testing import chi_square, p_value
 
 F64 = torch.float64
 GAMMAS = [0.3, 1.0, 1.5, 2.0, 3.0, 4.0, 7.0, 10.0]
@@ -174,6 +174,39 @@ def test_gradients(case, theta):
         return surface.D(m), surface.Lambda(w), surface.D_visible(w, m), surface.sample_visible(w, u)
 
     assert torch.autograd.gradcheck(values, (w, *leaves), eps=1e-7, atol=1e-4, rtol=1e-3)
+
+
+@pytest.mark.parametrize("point", [(0.4, 1.5, 1.3), (0.4, 3.0, 0.6), (0.5, 1.2, 1.9)], ids=str)
+def test_the_gradient_of_a_mean_over_samples_is_that_of_the_integral(point, generator, budget):
+    """In α, γ, and both angles of w: no choice in the sampler hides a part of it."""
+
+    def of_normal(m: Tensor) -> Tensor:
+        return m[..., 0] ** 2 + 0.3 * m[..., 0] + 0.5 * m[..., 1] * m[..., 2]
+
+    def towards(theta: Tensor, phi: Tensor) -> Tensor:
+        return torch.stack([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()], -1)
+
+    n, samples = 400, 10_000
+    theta, phi = (
+        (torch.arange(n, dtype=F64) + 0.5) * (math.pi / 2 / n),
+        (torch.arange(n, dtype=F64) + 0.5) * 2 * math.pi / n,
+    )
+    m = towards(*torch.meshgrid(theta, phi, indexing="ij"))
+    area = torch.sin(theta)[:, None] * (math.pi / 2 / n) * (2 * math.pi / n)
+    values = torch.tensor((*point, 0.7), dtype=F64)
+    step = 1e-3 * torch.eye(4, dtype=F64)
+
+    def mean(x: Tensor) -> float:
+        return float((gtr(x[0], x[1]).D_visible(towards(x[2], x[3]), m) * of_normal(m) * area).sum())
+
+    slopes = torch.tensor([(mean(values + h) - mean(values - h)) / 2e-3 for h in step], dtype=F64)
+    leaves = [torch.full((samples,), float(x), dtype=F64, requires_grad=True) for x in values]
+    u = torch.rand(samples, 2, generator=generator, dtype=F64)
+    drawn = of_normal(GTR(leaves[0], leaves[1]).sample_visible(towards(leaves[2], leaves[3]), u))
+    found = torch.stack(torch.autograd.grad(drawn.sum(), leaves))
+    # The differences' own error is far below 1e-4.
+    off = ((found.mean(1) - slopes).abs() - 1e-4).clamp_min(0)
+    budget(p_value(off / (found.std(1) / samples**0.5)), lambda i: ("alpha", "gamma", "theta", "phi")[i])
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, F64])
