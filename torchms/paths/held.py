@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.autograd import forward_ad
 
 from torchms.frame import Vec3
 from torchms.numerics import score, smallest
@@ -33,9 +34,10 @@ def differentiated(*values: Tensor) -> bool:
     """Whether a derivative with respect to any of these is wanted: if not, holding them is idle."""
     if any(x.requires_grad for x in values):
         return True
-    if torch.compiler.is_compiling():
+    # Forward mode: no level is entered, then there is no tangent. (Asking each tensor takes as long as a small kernel.)
+    if torch.compiler.is_compiling() or forward_ad._current_level < 0:
         return False
-    return any(torch.autograd.forward_ad.unpack_dual(x).tangent is not None for x in values)
+    return any(forward_ad.unpack_dual(x).tangent is not None for x in values)
 
 
 def constant(d: Vec3) -> Vec3:
