@@ -91,8 +91,10 @@ def run(
     mapped = any(shape.numel() != 1 for shape in module.parameter_batch_shapes())
     flat = bound(module, lambda p, channels: _flat_parameter(p, batch, channels))
 
-    row_step = max(1, min(n_rows, BLOCK // max(1, n_paths)))
-    path_step = max(1, min(n_paths, BLOCK))
+    engine = module.engine if n_rows else None
+    size = BLOCK if engine is None else engine.block(module)
+    row_step = max(1, min(n_rows, size // max(1, n_paths)))
+    path_step = max(1, min(n_paths, size))
     blocks = _Collector(n_rows, n_paths, per_path)
     for a in range(0, max(n_rows, 1), row_step):
         rows = slice(a, min(a + row_step, n_rows))
@@ -107,7 +109,12 @@ def run(
                 numbers = u.numbers(seeds, module.n_uniforms, module.dtype, paths)
             else:
                 numbers = ()
-            blocks.add(kernel(here, *some, numbers), rows, paths)
+            if engine is None:
+                outputs = kernel(here, *some, numbers)
+            else:
+                shape = (paths.stop - paths.start, rows.stop - rows.start)
+                outputs = engine(kernel, here, some, numbers, shape, per_path)
+            blocks.add(outputs, rows, paths)
     return tuple(out.reshape((*batch, *out.shape[1:])) for out in blocks.results())
 
 

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -54,6 +54,8 @@ class BSDF(Parametric):
 
     distribution: MicrofacetDistribution
     scattering: Scattering
+    engine: Any = None
+    """What runs the kernels; None for eager evaluation (see `torchms.compile`)."""
 
     def _assemble(self, distribution: MicrofacetDistribution, scattering: Scattering) -> None:
         if not isinstance(distribution, MicrofacetDistribution):

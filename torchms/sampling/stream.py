@@ -1,10 +1,11 @@
 """Random numbers that are computed where they are used: (seed, path, dimension) → number, nothing is stored.
 
-A number is a hash in 32-bit words, held in int64 so that no operation overflows: eager mode, Inductor and ONNX
-Runtime give the same bits. Every row (element of the batch) has a 64-bit seed of its own; a row's numbers depend on
-nothing else, so neither blocks, nor shards, nor the order of rows change them.
+A number is a hash in 32-bit words; eager mode, Inductor and ONNX Runtime give the same bits. Every row (element of the
+batch) has a 64-bit seed of its own; a row's numbers depend on nothing else, so neither blocks, nor shards, nor the order
+of rows change them.
 """
 
+import functools
 from collections.abc import Sequence
 
 import torch
@@ -29,33 +30,55 @@ _GOLDEN, _PATH = _signed(0x9E3779B9), _signed(0xD1B54A33)
 _KEYS = (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344)  # digits of pi
 
 
+# A word is held in int32, whose products wrap around: half the memory and twice the lanes of int64. ONNX shifts no int32
+# and promises no wrapping, so in an export words are int64 numbers in [0, 2^32), cut after every operation. Same bits.
+
+
+def _word(x: Tensor) -> Tensor:
+    """The lower 32 bits of an int64."""
+    x = x & WORD
+    return x if torch.compiler.is_exporting() else x.to(torch.int32)
+
+
+def _shift(x: Tensor, n: int) -> Tensor:
+    """x >> n of an unsigned word."""
+    return x >> n if x.dtype == torch.int64 else (x >> n) & (WORD >> n)
+
+
+def _plus(x: Tensor, c: int | Tensor) -> Tensor:
+    """x + c mod 2^32."""
+    return (x + c) & WORD if x.dtype == torch.int64 else x + (_signed(c & WORD) if isinstance(c, int) else c)
+
+
+def _times(x: Tensor, c: int) -> Tensor:
+    """x · c mod 2^32, c signed."""
+    return (x * c) & WORD if x.dtype == torch.int64 else x * c
+
+
 def _mix(x: Tensor, inject: Tensor | None = None) -> Tensor:
     """A bijection of 32-bit words; `inject` is added to the state half-way."""
-    x = x ^ (x >> 16)
-    x = (x * _A) & WORD
+    x = _times(x ^ _shift(x, 16), _A)
     if inject is not None:
         x = x ^ inject
-    x = x ^ (x >> 15)
-    x = (x * _B) & WORD
-    return x ^ (x >> 16)
+    x = _times(x ^ _shift(x, 15), _B)
+    return x ^ _shift(x, 16)
 
 
 def _state(seeds: Tensor, path: Tensor) -> tuple[Tensor, Tensor]:
     """64 well-mixed bits, as two words, for each 64-bit seed and path: a Feistel network of four rounds a path."""
-    x, y = seeds & WORD, (seeds >> 32) & WORD
-    step = (path * _PATH) & WORD
-    y = y ^ _mix((x + step + _KEYS[0]) & WORD)
-    x = x ^ _mix((y + step + _KEYS[1]) & WORD)
-    y = y ^ _mix((x + _KEYS[2]) & WORD)
-    x = x ^ _mix((y + _KEYS[3]) & WORD)
+    x, y = _word(seeds), _word(seeds >> 32)
+    step = _times(_word(path), _PATH)
+    y = y ^ _mix(_plus(x + step, _KEYS[0]))
+    x = x ^ _mix(_plus(y + step, _KEYS[1]))
+    y = y ^ _mix(_plus(x, _KEYS[2]))
+    x = x ^ _mix(_plus(y, _KEYS[3]))
     return x, y
 
 
 def _integer(state: tuple[Tensor, Tensor], dimension: int | Tensor) -> Tensor:
     """The 24-bit integer of one dimension; every number depends on all 64 bits of the state."""
     x, y = state
-    start = dimension * _GOLDEN
-    return _mix((x + start) & WORD, y) >> (32 - BITS)
+    return _shift(_mix(_plus(x, dimension * _GOLDEN), y), 32 - BITS)
 
 
 class Stream:
@@ -125,7 +148,7 @@ class Stream:
         """The D numbers, each (paths, *seeds.shape); computed when they are asked for, all together in an export."""
         paths = slice(0, self.n_paths) if paths is None else paths
         index = torch.arange(paths.start, paths.stop, device=seeds.device)
-        numbers = _Numbers(seeds, index, n_uniforms, dtype, self._points(n_uniforms, paths, seeds.device))
+        numbers = StreamNumbers(seeds, index, n_uniforms, dtype, self._points(n_uniforms, paths, seeds.device))
         return numbers.together() if torch.compiler.is_exporting() else numbers
 
     def _points(self, n_uniforms: int, paths: slice, device: torch.device) -> Tensor | None:
@@ -135,19 +158,29 @@ class Stream:
         return shared_points(self.sequence, self.n_paths, n_uniforms)[:, paths].to(device)
 
 
-class _Numbers(Sequence[Tensor]):
-    """Numbers of a block of rows, by dimension."""
+class StreamNumbers(Sequence[Tensor]):
+    """Numbers of a block of rows, by dimension; each is computed when it is first asked for.
+
+    seeds: (*rows). paths: (N,), or of as many axes as `seeds` plus one. points: (D, *paths) of a shared set, or None.
+    """
 
     def __init__(
-        self, seeds: Tensor, paths: Tensor, n_uniforms: int, dtype: torch.dtype, points: Tensor | None
+        self, seeds: Tensor, paths: Tensor, n_uniforms: int, dtype: torch.dtype, points: Tensor | None = None
     ) -> None:
         self.n_uniforms, self.dtype, self.points = n_uniforms, dtype, points
-        self.column = (-1,) + (1,) * seeds.ndim
-        # In a rotated set all paths share the row's random numbers.
-        seeds = seeds[None]
-        path = paths.reshape(self.column) if points is None else torch.zeros_like(seeds)
-        self.state = _state(seeds, path)
+        self.seeds, self.paths = seeds, paths
         self.known: dict[int, Tensor] = {}
+
+    @functools.cached_property
+    def state(self) -> tuple[Tensor, Tensor]:
+        """The mixed words of each row and path."""
+        seeds = self.seeds[None]
+        # In a rotated set all paths share the row's random numbers.
+        return _state(seeds, self._column(self.paths) if self.points is None else torch.zeros_like(seeds))
+
+    def _column(self, per_path: Tensor) -> Tensor:
+        """`per_path` with an axis for each axis of the rows."""
+        return per_path.reshape(per_path.shape + (1,) * (self.seeds.ndim + 1 - per_path.ndim))
 
     def __len__(self) -> int:
         return self.n_uniforms
@@ -156,15 +189,16 @@ class _Numbers(Sequence[Tensor]):
         if not 0 <= d < self.n_uniforms:
             raise IndexError(d)
         if d not in self.known:
-            point = None if self.points is None else self.points[d].reshape(self.column)
+            point = None if self.points is None else self._column(self.points[d])
             self.known[d] = self._float(_integer(self.state, d), point)
         return self.known[d]
 
     def together(self) -> tuple[Tensor, ...]:
         """All numbers by the same operations on one tensor (D, paths, *rows): a graph of few nodes."""
-        d = torch.arange(self.n_uniforms, device=self.state[0].device).reshape(-1, 1, *self.column[1:])
-        points = None if self.points is None else self.points.reshape(self.n_uniforms, *self.column)
-        return self._float(_integer((self.state[0][None], self.state[1][None]), d), points).unbind(0)
+        x, y = self.state
+        d = torch.arange(self.n_uniforms, device=x.device).reshape(-1, *(1,) * x.ndim)
+        points = None if self.points is None else torch.stack([self._column(point) for point in self.points])
+        return self._float(_integer((x[None], y[None]), d), points).unbind(0)
 
     def _float(self, n: Tensor, point: Tensor | None) -> Tensor:
         if point is not None:

@@ -1,0 +1,212 @@
+"""`torchms.compile`: the same BSDF, its kernels fused into machine code by Inductor.
+
+A kernel is traced once, over a block of a fixed number of elements (row × path), with its parameters as inputs, and is
+then called block by block; the last block is padded. So no batch size is ever compiled anew, and shapes are constants to
+Inductor, which it turns into one loop without intermediates in memory.
+"""
+
+import copy
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any, TypeVar
+
+import torch
+from rich.console import Console
+from torch import Tensor
+from torch.fx.experimental.proxy_tensor import make_fx
+
+from torchms.bsdfs.base import BSDF
+from torchms.frame import Vec3
+from torchms.module import bound
+from torchms.sampling.stream import StreamNumbers
+
+B = TypeVar("B", bound=BSDF)
+
+BLOCK = 16384
+"""Elements of a block of several bounces: its inputs, outputs and the few intermediates stay in the L2 cache."""
+BLOCK_SINGLE = 131072
+"""Elements of a block of one bounce, which is over before a call's overhead of 0.1 ms."""
+
+# Inductor recomputes an intermediate in every kernel that reads it until it counts this many operations, then gives it
+# a name. Bounces read each other's results so often that its default (30) multiplies the work of the compiler by twenty;
+# named results inside one loop cost nothing. The loop must then not be cut at 64 names.
+OPTIONS = {"realize_opcount_threshold": 6, "max_fusion_size": 1_000_000, "cpp.dynamic_threads": True}
+
+_console = Console(stderr=True)
+
+
+def compile(bsdf: B, *, verbose: bool = True) -> B:
+    """`bsdf` with its evaluations compiled by Inductor; it shares the parameters, and every method keeps its signature.
+
+    The first call of each method compiles it (seconds to minutes, shown on stderr if `verbose`); results are cached on
+    disk between processes in TORCHINDUCTOR_CACHE_DIR. Any batch shape, number of paths and per-pixel parameter runs
+    through the same machine code, `backward` included. Directions are read fastest where components are contiguous:
+    give `wi3.T` of a (3, n) tensor. Where no C++ compiler works, or the parameters are not on the CPU, warns once and
+    gives back a BSDF that runs eagerly in blocks.
+    Raises TypeError if `bsdf` is not a BSDF.
+    """
+    if not isinstance(bsdf, BSDF):
+        raise TypeError(f"compile(bsdf) takes a BSDF such as RoughConductor(...); got {type(bsdf).__name__}.")
+    fast = copy.copy(bsdf)
+    missing = _missing_compiler()
+    if missing:
+        warnings.warn(
+            f"torchms.compile: no working C++ compiler ({missing}); the BSDF runs eagerly, in blocks. "
+            "Install g++ or clang++, or name one in the variable CXX.",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return fast
+    fast.engine = Engine(verbose)
+    return fast
+
+
+@cache
+def _missing_compiler() -> str:
+    """Why Inductor has no C++ compiler; empty if it has."""
+    try:
+        from torch._inductor.cpp_builder import get_cpp_compiler
+
+        get_cpp_compiler()
+    except Exception as error:
+        return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+    return ""
+
+
+class Engine:
+    """Runs the kernels of a BSDF as compiled code, a padded block at a time."""
+
+    def __init__(self, verbose: bool) -> None:
+        self.verbose = verbose
+        self.compiled: dict[tuple[Any, ...], Callable[..., tuple[Tensor, ...]]] = {}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Engine":
+        return Engine(self.verbose)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Engine, (self.verbose,)
+
+    def block(self, bsdf: BSDF) -> int:
+        """Elements of a block."""
+        return BLOCK if bsdf.max_order > 1 else BLOCK_SINGLE
+
+    def __call__(
+        self,
+        kernel: Callable[..., tuple[Tensor, ...]],
+        bsdf: BSDF,
+        directions: Sequence[Vec3],
+        numbers: Sequence[Tensor],
+        shape: tuple[int, int],
+        per_path: bool,
+    ) -> tuple[Tensor, ...]:
+        """What `kernel(bsdf, *directions, numbers)` gives for (N, rows) = `shape` elements, mean over N or per path."""
+        columns = _Columns(shape, self.block(bsdf))
+        inputs = [columns.of(component) for w in directions for component in w]
+        n_directions = len(inputs)
+        inputs += columns.numbers(numbers)
+        layout: list[tuple[bool, bool]] = []
+
+        def collect(p: Tensor, channels: bool) -> Tensor:
+            mapped = p.ndim > int(channels)
+            layout.append((mapped, channels))
+            inputs.append(columns.parameter(p, channels) if mapped else p)
+            return p
+
+        bound(bsdf, collect)
+        grad = tuple(torch.is_grad_enabled() and x.requires_grad for x in inputs)
+        source = (type(numbers), bsdf.n_uniforms, bsdf.dtype, getattr(numbers, "points", None) is not None)
+        key = (kernel, bsdf.scattering, tuple(layout), tuple((x.dtype, x.shape) for x in inputs), source, grad)
+        if key not in self.compiled:
+            given = (n_directions // 3, source, tuple(layout))
+            self.compiled[key] = self._compile(kernel, bsdf, inputs, given, per_path)
+        return tuple(columns.back(out, per_path) for out in self.compiled[key](*inputs))
+
+    def _compile(
+        self, kernel: Callable[..., tuple[Tensor, ...]], bsdf: BSDF, inputs: list[Tensor], given: Any, per_path: bool
+    ) -> Callable[..., tuple[Tensor, ...]]:
+        """Trace `kernel` as a function of its tensors, and hand it to Inductor."""
+        n_directions, (kind, n_uniforms, dtype, has_points), layout = given
+        size = inputs[0].shape[0]
+
+        def flat(*tensors: Tensor) -> tuple[Tensor, ...]:
+            rest = iter(tensors)
+            directions = [Vec3(*(next(rest)[None] for _ in range(3))) for _ in range(n_directions)]
+            numbers: Sequence[Tensor] = ()
+            if kind is StreamNumbers:
+                seeds, paths = next(rest), next(rest)[None]
+                points = next(rest)[:, None] if has_points else None
+                numbers = StreamNumbers(seeds, paths, n_uniforms, dtype, points)
+            elif kind is not tuple or n_uniforms_given:
+                numbers = next(rest)[:, None].unbind(0)
+            parts = iter(layout)
+
+            def take(p: Tensor, channels: bool) -> Tensor:
+                mapped, _ = next(parts)
+                value = next(rest)
+                return value.T if mapped and channels else value
+
+            outputs = kernel(bound(bsdf, take), *directions, numbers)
+            return tuple(out.expand(*out.shape[:-1], size).contiguous() for out in outputs)
+
+        n_uniforms_given = kind is tuple and len(inputs) > 3 * n_directions + len(layout)
+        name = f"{kernel.__name__.strip('_')} of {type(bsdf).__name__}"
+        message = f"torchms.compile: {name}, {type(bsdf.scattering).__name__} of {bsdf.max_order} orders"
+        start = time.perf_counter()
+        with _console.status(f"{message} …") if self.verbose else _Quiet():
+            # Walks ask whether a gradient is wanted, so what is traced wants what the call wants.
+            wanted = torch.is_grad_enabled()
+            examples = [x.detach().requires_grad_(wanted and x.requires_grad) for x in inputs]
+            graph = make_fx(flat, tracing_mode="fake")(*examples)
+            graph.graph.eliminate_dead_code()
+            graph.recompile()
+            function = torch.compile(graph, dynamic=False, fullgraph=True, options=OPTIONS)
+            function(*inputs)
+        if self.verbose:
+            _console.print(f"{message}: {time.perf_counter() - start:.0f} s", highlight=False)
+        return function
+
+
+class _Quiet:
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+class _Columns:
+    """(N, rows) elements as columns of a fixed `size`, padded with copies of the last one."""
+
+    def __init__(self, shape: tuple[int, int], size: int) -> None:
+        self.shape, self.size = shape, size
+        self.count = shape[0] * shape[1]
+
+    def of(self, x: Tensor) -> Tensor:
+        """(…, 1 or N, 1 or rows) as (…, size), contiguous."""
+        lead = x.shape[:-2]
+        x = x.expand(*lead, *self.shape).reshape(*lead, self.count)
+        if self.count < self.size:
+            x = torch.cat([x, x[..., -1:].expand(*lead, self.size - self.count)], -1)
+        return x.contiguous()
+
+    def numbers(self, numbers: Sequence[Tensor]) -> list[Tensor]:
+        """Random numbers, or where they come from."""
+        if isinstance(numbers, StreamNumbers):
+            found = [self.of(numbers.seeds[None]), self.of(numbers.paths[:, None])]
+            if numbers.points is not None:
+                found.append(self.of(numbers.points[:, :, None]))
+            return found
+        return [self.of(torch.stack(tuple(numbers)))] if len(numbers) else []
+
+    def parameter(self, p: Tensor, channels: bool) -> Tensor:
+        """A parameter map (rows) or (rows, C) as (size) or (C, size)."""
+        return self.of(p.T[:, None] if channels else p[None])
+
+    def back(self, out: Tensor, per_path: bool) -> Tensor:
+        """(…, size) as (…, rows), mean over the paths, or (…, N, rows); (…, 1, size) comes in if `per_path`."""
+        lead = out.shape[:-2] if per_path else out.shape[:-1]
+        out = out.reshape(*lead, self.size)[..., : self.count]
+        if self.shape[0] == 1 and not per_path:
+            return out
+        out = out.reshape(*lead, *self.shape)
+        return out if per_path else out.mean(-2)
