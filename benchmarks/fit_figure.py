@@ -54,7 +54,7 @@ def draw(shown: dict[str, dict[str, Any]], truth: Tensor, path: Path) -> None:
         axis.set_title("squared relative error")
         axis.set_xlabel("step")
         axis.spines[["top", "right"]].set_visible(False)
-        axis.legend(frameon=False, fontsize=8)
+        axis.legend(frameon=False, fontsize=8, loc="center right")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, pil_kwargs={"optimize": True})
     plt.close(figure)
