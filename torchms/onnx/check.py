@@ -18,6 +18,7 @@ from torchms.distributions import GGX
 from torchms.onnx.evaluator import Evaluator
 from torchms.onnx.graph import Graph, Slot
 from torchms.sampling.stream import Stream
+from torchms.sampling.uniforms import draw, integers
 
 ROWS = 1 << 18
 BLACK = 1e-9
@@ -200,7 +201,7 @@ def grid(graph: Graph, rows: int, seed: int = 0) -> dict[str, Tensor]:
     dtype = graph.bsdf.dtype
 
     def uniform(*shape: int) -> Tensor:
-        return torch.rand(*shape, generator=generator, dtype=torch.float64)
+        return draw(shape, 1, 1, generator=generator, dtype=torch.float64)[..., 0, 0]
 
     values = {slot.name: _parameter(slot, rows, graph.bsdf.n_channels, uniform) for slot in graph.slots}
     if "alpha" in values and "alpha_y" in values:
@@ -218,7 +219,7 @@ def grid(graph: Graph, rows: int, seed: int = 0) -> dict[str, Tensor]:
         edge = uniform(*u.shape)
         values["u"] = torch.where(edge < 1e-3, 0.0, torch.where(edge > 1 - 1e-3, 1 - 2.0**-24, u))
     if "seed" in graph.input_names:
-        values["seed"] = torch.randint(-(2**63), 2**63 - 1, (rows,), generator=generator)
+        values["seed"] = integers(-(2**63), 2**63 - 1, (rows,), generator)
     # What float32 can hold, for any dtype, so that all dtypes see the same numbers.
     return {
         name: v if v.dtype == torch.int64 else v.float().to(dtype)
@@ -267,7 +268,7 @@ def _sensitive(graph: Graph, inputs: dict[str, Tensor], difference: Tensor, eage
             if not value.is_floating_point() or name in {slot.name for slot in graph.slots}:
                 nudged[name] = value
                 continue
-            step = torch.randint(-8, 9, value.shape, generator=generator) * ulp
+            step = integers(-8, 9, value.shape, generator) * ulp
             moved = value + step if name == "u" else value * (1 + step)
             nudged[name] = moved.clamp(0, 1 - ulp / 2) if name == "u" else moved.to(value.dtype)
         value = _together(eagerly(graph, nudged))

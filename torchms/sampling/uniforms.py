@@ -41,6 +41,11 @@ def draw(
     return u.permute(*range(2, 2 + len(batch)), 1, 0)
 
 
+def integers(low: int, high: int, shape: Sequence[int], generator: torch.Generator | None = None) -> Tensor:
+    """Uniform int64 numbers in [low, high) of that shape."""
+    return torch.randint(low, high, tuple(shape), generator=generator)
+
+
 def generator_for(seed: int) -> torch.Generator:
     """A CPU generator seeded with `seed`."""
     return torch.Generator().manual_seed(seed)
