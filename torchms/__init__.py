@@ -12,12 +12,14 @@ if TYPE_CHECKING:
     from torchms import fresnel, lobes, microsurface
     from torchms.approximations import KullaConty, Turquin
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+    from torchms.citations import cite
     from torchms.compiled import compile
     from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
     from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
     from torchms.parametrize import constrain
     from torchms.paths.segment import Correlated, Invariance, Segment, Uncorrelated
     from torchms.sampling.stream import Stream
+    from torchms.validation import set_validation
 
 _HOME = {
     "BSDF": "bsdfs",
@@ -40,8 +42,10 @@ _HOME = {
     "Segment": "paths.segment",
     "Turquin": "approximations",
     "Uncorrelated": "paths.segment",
+    "cite": "citations",
     "compile": "compiled",
     "constrain": "parametrize",
+    "set_validation": "validation",
 }
 _MODULES = ("fresnel", "lobes", "microsurface")
 
@@ -67,11 +71,13 @@ __all__ = [
     "Uncorrelated",
     "Unidirectional",
     "__version__",
+    "cite",
     "compile",
     "constrain",
     "fresnel",
     "lobes",
     "microsurface",
+    "set_validation",
 ]
 
 

@@ -21,6 +21,12 @@ COMMANDS: dict[str, tuple[type, str]] = {
 """Name of a command, its options, and the function that runs it, imported only then."""
 
 
+DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures and ONNX files.
+
+Example: torchms energy --material conductor --metal Au --alpha 0.5
+"""
+
+
 def _function(path: str) -> Callable[[object], None]:
     module, name = path.split(":")
     return getattr(import_module(module), name)
@@ -31,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = tyro.extras.subcommand_cli_from_dict(
         {name: options for name, (options, _) in COMMANDS.items()},
         prog="torchms",
-        description="Multiple-bounce microfacet BSDFs: energies, simulations and pictures.",
+        description=DESCRIPTION,
         args=arguments,
     )
     run = next(path for kind, path in COMMANDS.values() if isinstance(options, kind))

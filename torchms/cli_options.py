@@ -20,10 +20,12 @@ class EnergyOptions:
     """What the facets are made of."""
     metal: str | None = None
     """Conductor only: a measured metal such as Au, Ag, Cu; without it the facets reflect everything (F = 1)."""
-    distribution: Literal["ggx", "beckmann"] = "ggx"
+    distribution: Literal["ggx", "beckmann", "gtr"] = "ggx"
     """Distribution of the microfacet normals."""
     alpha: str = "0.5"
     """Roughness: one number, or alpha_x,alpha_y."""
+    gamma: float | None = None
+    """GTR only: how short the tails are, in (0, 10]; 2, which is GGX, if it is not given."""
     eta: float = 1.5
     """Dielectric only: n_inside / n_outside."""
     albedo: float = 1.0

@@ -1,13 +1,16 @@
 """The command line: what it prints and writes, and what it says about arguments that do not fit."""
 
 import json
+import re
+import shlex
 import subprocess
 import sys
 import time
 
 import pytest
+import tyro
 
-from torchms.cli import main
+from torchms.cli import COMMANDS, main
 
 QUICK = ["--samples", "2000", "--max-order", "3", "--theta", "0.5"]
 
@@ -17,6 +20,26 @@ def test_help_answers_without_torch() -> None:
     code = "import sys, torchms.cli as c\ntry: c.main(['energy', '--help'])\nexcept SystemExit: pass\n"
     code += "sys.exit(int('torch' in sys.modules or 'numpy' in sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_has_an_example_that_is_understood(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The line is wrapped to the terminal's width, but begins with the command; its options are parsed."""
+    with pytest.raises(SystemExit, match="0"):
+        main([command, "--help"])
+    assert f"Example: torchms {command}" in capsys.readouterr().out
+    options, _ = COMMANDS[command]
+    (example,) = re.findall(rf"Example: torchms {command} (.+)", options.__doc__ or "")
+    assert isinstance(tyro.cli(options, args=shlex.split(example)), options)
+
+
+def test_help_of_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    out = capsys.readouterr().out
+    assert "Example: torchms energy" in out
+    for command in COMMANDS:
+        assert command in out
 
 
 def test_help_is_quick() -> None:
@@ -48,6 +71,13 @@ def test_table_and_json(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
     assert row["total"][0] > row["total"][2] > 0, "copper is red"
 
 
+def test_gtr(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["energy", "--distribution", "gtr", "--models", "invariance", *QUICK]
+    assert main([*arguments, "--gamma", "3"]) == 0
+    assert "gtr alpha = 0.5, gamma = 3" in capsys.readouterr().out
+    assert main(arguments) == 0
+
+
 def test_dielectric_leaves_invariance_out(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["energy", "--material", "dielectric", *QUICK]) == 0
     out = capsys.readouterr().out
@@ -61,6 +91,9 @@ def test_dielectric_leaves_invariance_out(capsys: pytest.CaptureFixture[str]) ->
     [
         (["--alpha", "0"], ["GGX(alpha=...)", "[0.001, 2]", "got 0"]),
         (["--alpha", "a"], ["--alpha", "0.5,0.2"]),
+        (["--gamma", "2"], ["--gamma", "--distribution gtr", "ggx"]),
+        (["--distribution", "gtr", "--gamma", "11"], ["GTR(gamma=...)", "(0, 10]", "got 11"]),
+        (["--distribution", "gtr", "--alpha", "0.5,0.2"], ["isotropic", "0.5,0.2"]),
         (["--metal", "Xx"], ["Xx", "Au", "Cu"]),
         (["--material", "dielectric", "--eta", "-1"], ["Dielectric(eta=...)", "got -1"]),
         (["--material", "diffuse", "--albedo", "1.5"], ["RoughDiffuse(albedo=...)", "[0, 1]", "got 1.5"]),

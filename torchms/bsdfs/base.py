@@ -17,6 +17,7 @@ from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
 from torchms.sampling.stream import Stream
 from torchms.typing import Direction, Orders, Scalar, Spectrum, Uniforms
+from torchms.validation import check_unit
 
 
 class DirectionSample(NamedTuple):
@@ -60,7 +61,8 @@ class BSDF(Parametric):
     def _assemble(self, distribution: MicrofacetDistribution, scattering: Scattering) -> None:
         if not isinstance(distribution, MicrofacetDistribution):
             raise TypeError(
-                f"{type(self).__name__}(distribution=...) must be GGX(...) or Beckmann(...); got {distribution!r}."
+                f"{type(self).__name__}(distribution=...) must be GGX(...), Beckmann(...) or GTR(...); "
+                f"got {distribution!r}."
             )
         if not isinstance(scattering, Scattering):
             raise TypeError(
@@ -176,6 +178,7 @@ class BSDF(Parametric):
                 raise ValueError(
                     f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}."
                 )
+        check_unit(directions)
         D = self.n_uniforms
         if u is None:
             if optional:

@@ -8,7 +8,7 @@ import torch
 from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.cli_options import EnergyOptions
-from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
+from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
 from torchms.estimators import HeightWalk, Scattering, SingleBounce, Unidirectional
 from torchms.files import check_writable, write_json
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
@@ -53,9 +53,21 @@ def parse_count(text: str, name: str, low: int) -> int:
     return int(value)
 
 
+def build_distribution(name: str, alpha: str, gamma: float | None) -> MicrofacetDistribution:
+    """The distribution that --distribution, --alpha and --gamma describe; ValueError if they do not fit together."""
+    alphas = parse_alpha(alpha)
+    if name == "gtr":
+        if len(alphas) > 1:
+            raise ValueError(f"--distribution gtr is isotropic: --alpha must be one number; got {alpha!r}.")
+        return GTR(alphas[0], 2.0 if gamma is None else gamma)
+    if gamma is not None:
+        raise ValueError(f"--gamma goes with --distribution gtr; got --distribution {name}.")
+    return DISTRIBUTIONS[name](*alphas)
+
+
 def build(options: EnergyOptions, scattering: Scattering) -> BSDF:
     """The BSDF that the options describe."""
-    distribution: MicrofacetDistribution = DISTRIBUTIONS[options.distribution](*parse_alpha(options.alpha))
+    distribution = build_distribution(options.distribution, options.alpha, options.gamma)
     if options.material == "conductor":
         fresnel: Fresnel = Ideal() if options.metal is None else Conductor.metal(options.metal)
         return RoughConductor(distribution, fresnel, scattering)
@@ -105,9 +117,8 @@ def _title(options: EnergyOptions) -> str:
         "dielectric": f"dielectric with eta = {options.eta:g}, lit from outside",
         "diffuse": f"diffuse facets of albedo {options.albedo:g}",
     }[options.material]
-    return (
-        f"{what}, {options.distribution} alpha = {options.alpha}, {options.samples} walks an entry, seed {options.seed}"
-    )
+    gamma = "" if options.gamma is None else f", gamma = {options.gamma:g}"
+    return f"{what}, {options.distribution} alpha = {options.alpha}{gamma}, {options.samples} walks an entry, seed {options.seed}"
 
 
 def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], models: list[str]) -> str:

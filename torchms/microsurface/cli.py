@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class SimulateOptions:
-    """Bounce light on the facets of an explicit microsurface and report what leaves after each bounce."""
+    """Bounce light on the facets of an explicit microsurface and report what leaves after each bounce.
+
+    Example: torchms simulate --material conductor --alpha 0.6 --theta 1.1 --rays 3e5 --json out.json
+    """
 
     material: Literal["conductor", "dielectric", "diffuse"] = "conductor"
     """What the facets are: mirrors, smooth glass or ideally diffuse."""
@@ -72,7 +75,10 @@ class SimulateOptions:
 
 @dataclass
 class FiguresOptions:
-    """Draw the lobes in the plane of incidence per bounce: explicit surface against the models."""
+    """Draw the lobes in the plane of incidence per bounce: explicit surface against the models.
+
+    Example: torchms figures --material conductor --alpha 0.5 --out figures
+    """
 
     material: Literal["conductor", "dielectric", "diffuse"] = "conductor"
     """What the facets are: mirrors (F = 1), smooth glass or ideally diffuse (albedo 1)."""

@@ -5,18 +5,16 @@ from pathlib import Path
 import torch
 
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-from torchms.distributions import GGX, Beckmann, MicrofacetDistribution
 from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
 from torchms.files import check_writable, write_json, write_whole
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
-from torchms.lobes.energy import parse_alpha
+from torchms.lobes.energy import build_distribution
 from torchms.onnx.check import check
 from torchms.onnx.exporter import checked, exported
 from torchms.onnx.options import ExportOptions
 from torchms.onnx.table import FOOTNOTE, Entry, table
 from torchms.paths.segment import Correlated, Invariance, Uncorrelated
 
-DISTRIBUTIONS = {"ggx": GGX, "beckmann": Beckmann}
 SCATTERINGS = {
     "single-bounce": lambda K: SingleBounce(),
     "uncorrelated": lambda K: Unidirectional(Uncorrelated(), K),
@@ -32,7 +30,7 @@ SCATTERINGS = {
 
 def build(options: ExportOptions) -> BSDF:
     """The BSDF that the options describe."""
-    distribution: MicrofacetDistribution = DISTRIBUTIONS[options.distribution](*parse_alpha(options.alpha))
+    distribution = build_distribution(options.distribution, options.alpha, options.gamma)
     default = "height-walk" if options.material == "dielectric" else "invariance"
     scattering: Scattering = SCATTERINGS[options.scattering or default](options.max_order)
     if options.metal is not None and options.material != "conductor":

@@ -30,10 +30,12 @@ class ExportOptions:
     """What the facets are made of."""
     metal: str | None = None
     """Conductor only: a measured metal such as Au, Ag, Cu; without it the facets reflect everything (F = 1)."""
-    distribution: Literal["ggx", "beckmann"] = "ggx"
+    distribution: Literal["ggx", "beckmann", "gtr"] = "ggx"
     """Distribution of the microfacet normals."""
     alpha: str = "0.5"
     """Roughness: one number, or alpha_x,alpha_y; the value is baked in unless it is among the parameters."""
+    gamma: float | None = None
+    """GTR only: how short the tails are, in (0, 10]; 2, which is GGX, if it is not given."""
     eta: float = 1.5
     """Dielectric only: n_inside / n_outside."""
     albedo: float = 1.0
@@ -45,7 +47,7 @@ class ExportOptions:
     what: Literal["forward", "orders", "sample", "pdf"] = "forward"
     """The value, the value of each order, a direction with its density, or that density."""
     parameters: tuple[str, ...] = ()
-    """Parameters that become inputs of the file, a value each element: alpha, alpha_y, eta, k, albedo."""
+    """Parameters that become inputs of the file, a value each element: alpha, alpha_y, gamma, eta, k, albedo."""
     uniforms: Literal["input", "sobol", "seed"] = "input"
     """Random numbers: an input u, a Sobol set that is baked in, or an input of one seed an element."""
     n_paths: int = 1

@@ -1,0 +1,65 @@
+"""Every source that the code names is in the table, and every one of the table in the README."""
+
+import re
+from pathlib import Path
+
+import pytest
+from cases import COMPENSATIONS, DISTRIBUTIONS, MATERIALS, SCATTERINGS, SEGMENTS
+
+import torchms as ms
+from torchms.citations import BEHIND, PAPERS
+from torchms.fresnel import Conductor, Dielectric
+
+ROOT = Path(__file__).parent.parent
+KEY = re.compile(r"\[([A-Z][A-Za-z]*\d{4})[\],]")
+
+
+def test_the_code_names_no_other_source() -> None:
+    named = {key for file in (ROOT / "torchms").rglob("*.py") for key in KEY.findall(file.read_text())}
+    assert named, "the pattern finds nothing"
+    assert named <= set(PAPERS), named - set(PAPERS)
+
+
+def test_the_readme_lists_them_all() -> None:
+    sources = (ROOT / "README.md").read_text().split("## Sources")[1]
+    listed = dict(re.findall(r"^\[(\w+\d{4})\] (.+)$", sources, re.M))
+    assert set(listed) == set(PAPERS)
+    for key, paper in PAPERS.items():
+        assert paper.title in listed[key], key
+
+
+def test_every_public_part_has_its_papers() -> None:
+    objects = [make(0.5) for make in DISTRIBUTIONS.values()]
+    objects += [make(3) for make in {**SCATTERINGS, **COMPENSATIONS}.values()] + [make() for make in SEGMENTS.values()]
+    objects += [MATERIALS[name](ms.GGX(0.5), ms.SingleBounce()) for name in MATERIALS]
+    for part in objects:
+        assert ms.cite(part) or type(part) is ms.SingleBounce, part
+
+
+def test_the_parts_of_a_bsdf() -> None:
+    gold = ms.RoughConductor(ms.GGX(0.5), Conductor.metal("Au"), ms.Bidirectional(ms.Invariance(), 4))
+    keys = re.findall(r"^\[(\w+)\]", ms.cite(gold), re.M)
+    assert keys == ["Walter2007", "Heitz2014", "Wang2022", "Cui2023", "Dupuy2023", "Tokuyoshi2023"]
+    glass = ms.RoughDielectric(ms.Beckmann(0.5), Dielectric(1.5), ms.HeightWalk())
+    assert re.findall(r"^@misc\{(\w+),", ms.cite(glass, "bibtex"), re.M) == ["Walter2007", "Heitz2014", "Heitz2016"]
+    assert ms.cite(glass, "bibtex").count("{") == ms.cite(glass, "bibtex").count("}")
+
+
+def test_a_constrained_part_is_known() -> None:
+    distribution = ms.GGX(0.5)
+    before = ms.cite(distribution)
+    assert before and ms.cite(ms.constrain(distribution, "alpha")) == before
+
+
+def test_what_is_cited_exists() -> None:
+    assert {key for keys in BEHIND.values() for key in keys} <= set(PAPERS)
+    for name in BEHIND:
+        assert hasattr(ms, name), name
+
+
+@pytest.mark.usefixtures("messages")
+def test_bad_arguments() -> None:
+    with pytest.raises(TypeError, match=r"GGX.*got str"):
+        ms.cite("GGX")
+    with pytest.raises(ValueError, match=r'"bibtex"; got \'html\''):
+        ms.cite(ms.GGX(0.5), "html")
