@@ -140,7 +140,11 @@ def _surfaced(out: Tensor, batch: torch.Size, per_path: bool) -> Tensor:
 
 
 class _Collector:
-    """Puts the blocks' results together: in place where no gradient is wanted, by concatenation where one is."""
+    """Puts the blocks' results together: in place where no gradient is wanted, by concatenation where one is.
+
+    Results are (n_rows, [N], *lead) views of (*lead, [N], n_rows) memory, so that each component is contiguous: what the
+    kernels write, and what they read fastest if it is given back to them.
+    """
 
     def __init__(self, n_rows: int, n_paths: int, per_path: bool) -> None:
         self.n_rows, self.n_paths, self.per_path = n_rows, n_paths, per_path
@@ -149,23 +153,24 @@ class _Collector:
         self.row: list[list[Tensor]] = []
 
     def add(self, outputs: tuple[Tensor, ...], rows: slice, paths: slice) -> None:
-        size = torch.Size([rows.stop - rows.start])
-        outputs = tuple(_surfaced(out, size, self.per_path) for out in outputs)
         if not self.per_path:
             share = (paths.stop - paths.start) / self.n_paths
             outputs = tuple(out if share == 1 else out * share for out in outputs)
         if any(out.requires_grad for out in outputs) or self.pieces is not None:
-            self._append(outputs, paths)
+            size = torch.Size([rows.stop - rows.start])
+            self._append(tuple(_surfaced(out, size, self.per_path) for out in outputs), paths)
             return
         if not self.whole:
             for out in outputs:
-                tail = (self.n_paths, *out.shape[2:]) if self.per_path else tuple(out.shape[1:])
-                self.whole.append(out.new_zeros(self.n_rows, *tail))
+                lead = (*out.shape[:-2], self.n_paths) if self.per_path else out.shape[:-1]
+                self.whole.append(out.new_empty(*lead, self.n_rows))
         for whole, out in zip(self.whole, outputs, strict=True):
             if self.per_path:
-                whole[rows, paths] = out
+                whole[..., paths, rows] = out
+            elif paths.start == 0:
+                whole[..., rows] = out
             else:
-                whole[rows] += out
+                whole[..., rows] += out
 
     def _append(self, outputs: tuple[Tensor, ...], paths: slice) -> None:
         if self.pieces is None:
@@ -179,4 +184,6 @@ class _Collector:
                 piece.append(torch.cat(column, 1) if self.per_path else sum(column[1:], column[0]))
 
     def results(self) -> list[Tensor]:
-        return self.whole if self.pieces is None else [torch.cat(piece) for piece in self.pieces]
+        if self.pieces is not None:
+            return [torch.cat(piece) for piece in self.pieces]
+        return [_surfaced(whole, torch.Size([self.n_rows]), self.per_path) for whole in self.whole]

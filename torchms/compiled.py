@@ -24,10 +24,10 @@ from torchms.sampling.stream import StreamNumbers
 
 B = TypeVar("B", bound=BSDF)
 
-BLOCK = 16384
-"""Elements of a block of several bounces: its inputs, outputs and the few intermediates stay in the L2 cache."""
+BLOCK = 65536
+"""Elements of a block of several bounces, long against a call's overhead of 0.1 ms."""
 BLOCK_SINGLE = 131072
-"""Elements of a block of one bounce, which is over before a call's overhead of 0.1 ms."""
+"""Elements of a block of one bounce."""
 
 # Inductor recomputes an intermediate in every kernel that reads it until it counts this many operations, then gives it
 # a name. Bounces read each other's results so often that its default (30) multiplies the work of the compiler by twenty;
