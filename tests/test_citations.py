@@ -22,7 +22,7 @@ def test_the_code_names_no_other_source() -> None:
 
 def test_the_readme_lists_them_all() -> None:
     sources = (ROOT / "README.md").read_text().split("## Sources")[1]
-    listed = dict(re.findall(r"^\[(\w+\d{4})\] (.+)$", sources, re.M))
+    listed = dict(re.findall(r"^- \[(\w+\d{4})\] (.+)$", sources, re.M))
     assert set(listed) == set(PAPERS)
     for key, paper in PAPERS.items():
         assert paper.title in listed[key], key
