@@ -2,13 +2,18 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+DOCS := .venv/.docs
 
-.PHONY: demo test test-all bench pictures figures export lint clean
+.PHONY: demo demo-fit test test-all node-test mutations bench pictures figures tables export docs lint clean
 
 $(STAMP): constraints.txt setup.cfg pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[test]"
 	touch $(STAMP)
+
+$(DOCS): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable ".[docs]"
+	touch $(DOCS)
 
 demo: $(STAMP)  ## energies of rough gold, glass and chalk, order by order, in all models
 	@$(BIN)/torchms energy --material conductor --metal Au --alpha 0.5 --max-order 6 --samples 3e5
@@ -24,29 +29,41 @@ test: $(STAMP)  ## the suite without the slow checks
 test-all: $(STAMP)  ## the whole suite
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
 
-pictures: $(STAMP)  ## the pictures of the README
-	mkdir -p docs/images
-	$(BIN)/torchms render sphere --light constant --samples 32 --width 200 --height 200 --force \
-		--bsdf "RoughConductor(GGX(1.0), Ideal(), SingleBounce())" --out docs/images/furnace_single_bounce.png
-	$(BIN)/torchms render sphere --light constant --samples 32 --width 200 --height 200 --force \
-		--bsdf "RoughConductor(GGX(1.0), Ideal(), Bidirectional(Invariance(), max_order=10))" \
-		--out docs/images/furnace_all_bounces.png
-	$(BIN)/torchms render sphere --intensity 4 --samples 32 --width 200 --height 200 --force \
-		--bsdf "RoughConductor(GGX(0.5), Conductor.metal('Au'), Bidirectional(Invariance(), max_order=8))" \
-		--out docs/images/gold.png
+pictures: $(STAMP)  ## the pictures of the README: two furnaces, gold and glass (about three minutes)
+	$(BIN)/python -m torchms.render.pictures docs/images
 
-figures: $(STAMP)  ## lobes of explicit surfaces against the models, 3 materials x 4 roughnesses
+demo-fit: $(STAMP)  ## inverse rendering of gold and glass, with all bounces and with one; docs/images/fit.png
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fit.py
+
+figures: $(STAMP)  ## lobes of explicit surfaces against the models (3 materials x 4 roughnesses), G1 of GTR, bounded normals
 	$(BIN)/python benchmarks/microsurface_figures.py --out docs/figures
+	$(BIN)/python benchmarks/gtr_figures.py
+	$(BIN)/python benchmarks/bounded_normals.py
+
+tables: $(STAMP)  ## the albedo tables of the compensations, a few minutes
+	$(BIN)/python -m torchms.approximations.generate_tables
 
 export: $(STAMP)  ## the set of ONNX files with its parity table
 	$(BIN)/python -m export
 
+docs: $(DOCS)  ## the API pages, build/docs/index.html; warnings are errors
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs build/docs
+
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/pyright --pythonpath $(BIN)/python torchms
 
-bench: $(STAMP)  ## throughput of the evaluators on this machine
+mutations: $(STAMP)  ## deliberate faults in formulas, and the test that catches each
+	$(BIN)/python tests/mutations.py
+
+node-test: $(STAMP)  ## exported files in ONNX Runtime for Node
+	npm ci --ignore-scripts --prefix tests/onnx/node
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/onnx/test_outside_python.py
+
+bench: $(STAMP)  ## throughput of the evaluators on this machine, then ratios to scalar code and Mitsuba
 	$(BIN)/python benchmarks/throughput.py
+	$(BIN)/python benchmarks/speed.py
 
 clean:
-	rm -rf .venv
+	rm -rf .venv build

@@ -12,8 +12,7 @@ class Lobes:
     """Directional histogram of the light that leaves, binned in cos θ_o × φ_o.
 
     mean: (P, n_cos, n_phi, C) mean of f · |cos θ_o| over each bin [1/sr]; the planes are the orders 1 … P − 1 and
-        then the sum over all orders.
-    stderr: the same shape, standard error of `mean`.
+    then the sum over all orders. stderr: the same shape, standard error of `mean`.
     cos θ_o runs over equal bins from −1 to 1, φ_o over equal bins from 0 to 2π. A bin's solid angle is `bin_sr`.
     """
 
