@@ -1,6 +1,8 @@
 """Directions against the density they are said to have."""
 
 from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -9,6 +11,9 @@ from torchms.testing.quadrature import sphere_cells
 
 LEAST = 5.0
 """Fewest expected counts of a cell; smaller ones are pooled."""
+
+LEVEL = 1e-3
+"""p-value below which a picture is drawn."""
 
 
 def chi_square_p_value(counts: Tensor, expected: Tensor) -> float:
@@ -40,17 +45,65 @@ def cell_index(w: Tensor, bins: tuple[int, int]) -> Tensor:
     return row * n_phi + ((turn % 1.0) * n_phi).long().clamp(0, n_phi - 1)
 
 
-def chi_square(
+class Comparison(NamedTuple):
+    """Directions counted in cells, beside the density's integrals over them; `total` is that over the sphere."""
+
+    counts: Tensor
+    expected: Tensor
+    total: float
+
+    def p_value(self, picture: str | Path | None = None, level: float = LEVEL) -> float:
+        """p-value of chi² with the density scaled to 1; drawn to the file `picture` if it is below `level`."""
+        expected = self.expected / self.total * self.counts.sum()
+        p = chi_square_p_value(self.counts, expected)
+        if picture is not None and p < level:
+            draw_cells(picture, self.counts, expected, f"chi² of {int(self.counts.sum())} directions: p = {p:.1e}")
+        return p
+
+
+def compared(
     directions: Tensor, density: Callable[[Tensor], Tensor], bins: tuple[int, int] = (32, 32), tolerance: float = 1e-4
+) -> Comparison:
+    """`directions` (n, 3) against `density` (..., 3) → (...) [1/sr], whose integral over each cell is adaptive quadrature."""
+    expected = sphere_cells(density, bins, tolerance)
+    counts = torch.bincount(cell_index(directions, bins).reshape(-1), minlength=bins[0] * bins[1])
+    return Comparison(counts.reshape(bins), expected, float(expected.sum()))
+
+
+def chi_square(
+    directions: Tensor,
+    density: Callable[[Tensor], Tensor],
+    bins: tuple[int, int] = (32, 32),
+    tolerance: float = 1e-4,
+    *,
+    picture: str | Path | None = None,
+    level: float = LEVEL,
 ) -> float:
     """p-value that `directions` (n, 3) were drawn with `density` (..., 3) → (...) [1/sr].
 
     The density's integral over each cell is adaptive quadrature; it must be 1 in all, to 1e-3: a density that misses a
-    part of the sphere fails, it is not rescaled. Raises ValueError if it is not.
+    part of the sphere fails, it is not rescaled. Where p is below `level`, counts, expected ones and their difference in
+    standard deviations are drawn to the file `picture`, if it is given (which needs matplotlib).
+    Raises ValueError if the density does not integrate to 1.
     """
-    expected = sphere_cells(density, bins, tolerance)
-    total = float(expected.sum())
-    if abs(total - 1) > 1e-3:
-        raise ValueError(f"chi_square(density=...) must integrate to 1 over the sphere; got {total:.6f}.")
-    counts = torch.bincount(cell_index(directions, bins).reshape(-1), minlength=bins[0] * bins[1])
-    return chi_square_p_value(counts, expected.reshape(-1) / total * counts.sum())
+    comparison = compared(directions, density, bins, tolerance)
+    if not abs(comparison.total - 1) <= 1e-3:
+        raise ValueError(f"chi_square(density=...) must integrate to 1 over the sphere; got {comparison.total:.6f}.")
+    return comparison.p_value(picture, level)
+
+
+def draw_cells(picture: str | Path, counts: Tensor, expected: Tensor, title: str) -> None:
+    """Counts and expected counts over φ and cos θ, and their difference in standard deviations."""
+    from matplotlib.figure import Figure
+
+    deviation = (counts - expected) / expected.clamp_min(1).sqrt()
+    figure = Figure(figsize=(12, 3.4), layout="constrained")
+    figure.suptitle(title)
+    panels = {"counts": counts, "expected": expected, "difference / √expected": deviation}
+    for axes, (name, values) in zip(figure.subplots(1, 3, sharey=True), panels.items(), strict=True):
+        bound = float(deviation.abs().max())
+        scale = {"cmap": "RdBu_r", "vmin": -bound, "vmax": bound} if values is deviation else {"vmin": 0}
+        image = axes.imshow(values.numpy(), origin="lower", extent=(0, 360, -1, 1), aspect="auto", **scale)
+        axes.set(title=name, xlabel="φ [°]", ylabel="cos θ")
+        figure.colorbar(image, ax=axes)
+    figure.savefig(Path(picture), dpi=120)

@@ -19,9 +19,11 @@ def reciprocal_pair(
     """
     there = _orders(bsdf, wi, wo, u)
     back = _orders(bsdf, wo, wi, u_back)
-    there = Estimate(*(part * _flux(bsdf, wi, wo) for part in there[:2]), there.n)
-    back = Estimate(*(part * _flux(bsdf, wo, wi) for part in back[:2]), back.n)
-    return there, back
+    return _scaled(there, flux(bsdf, wi, wo)), _scaled(back, flux(bsdf, wo, wi))
+
+
+def _scaled(value: Estimate, factor: Tensor) -> Estimate:
+    return Estimate(value.mean * factor, value.stderr * factor, value.n)
 
 
 def _orders(bsdf: BSDF, wi: Tensor, wo: Tensor, u: Tensor | None) -> Estimate:
@@ -33,7 +35,7 @@ def _orders(bsdf: BSDF, wi: Tensor, wo: Tensor, u: Tensor | None) -> Estimate:
     return estimate(bsdf.orders(wi.unsqueeze(-2), wo.unsqueeze(-2), u.unsqueeze(-2)), dim=-3)
 
 
-def _flux(bsdf: BSDF, w: Tensor, d: Tensor) -> Tensor:
+def flux(bsdf: BSDF, w: Tensor, d: Tensor) -> Tensor:
     """What a value f · |cos θ_d| of light from `w` is multiplied by: |cos θ_w|, and the étendue's n² on the one side."""
     flux = w[..., 2].abs().double()
     if isinstance(bsdf, RoughDielectric):

@@ -1,0 +1,109 @@
+"""Objects as the laws see them: float64, one number where a map was; and where numbers are hard."""
+
+import copy
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import torch
+from torch import Tensor, nn
+
+from torchms.module import Parametric, bound
+
+M = TypeVar("M", bound=nn.Module)
+P = TypeVar("P", bound=Parametric)
+
+THETAS = (0.0, 1e-4, 0.7, 1.5, math.pi / 2)
+STEP = 1e-5
+"""Of a central difference, relative to the number that is moved."""
+
+
+def plain(module: M) -> M:
+    """A copy in float64 with the first element of every map of parameters, without graphs, evaluated eagerly."""
+
+    def first(value: Tensor, channels: bool) -> Tensor:
+        tail = value.shape[-1:] if channels else ()
+        return value.detach().reshape(-1, *tail)[0].clone()
+
+    clone = copy.deepcopy(bound(module, first) if isinstance(module, Parametric) else module).double()
+    if hasattr(clone, "engine"):
+        clone.engine = None  # type: ignore[assignment]
+    return clone
+
+
+def parameters(module: Parametric) -> list[Tensor]:
+    """Every declared number of a module and of its parts."""
+    found: list[Tensor] = []
+
+    def note(value: Tensor, channels: bool) -> Tensor:
+        found.append(value)
+        return value
+
+    bound(module, note)
+    return found
+
+
+def rebuilt(module: P, values: Sequence[Tensor]) -> P:
+    """`module` with these numbers in place of those of `parameters`."""
+    rest = iter(values)
+    return bound(module, lambda value, channels: next(rest))
+
+
+def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:
+    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
+    sin = math.sin(theta)
+    return torch.tensor([sin * math.cos(phi), sin * math.sin(phi), math.cos(theta)], dtype=dtype)
+
+
+def edges() -> tuple[Tensor, Tensor]:
+    """Pairs (n, 3) of directions: poles, both sides, the horizon; mirror directions, back along itself, h = 0."""
+    some = [side * direction(theta) for theta in THETAS for side in (1, -1)]
+    some += [torch.tensor(flat, dtype=torch.float64) for flat in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0])]
+    signs = torch.tensor([[1, 1, 1], [-1, -1, -1], [-1, -1, 1], [1, 1, -1]], dtype=torch.float64)
+    pairs = [(w, w * sign) for w in some for sign in signs]
+    pairs += list(itertools.product(some, some))
+    first, second = zip(*pairs, strict=True)
+    return torch.stack(first), torch.stack(second)
+
+
+def unfinished(outputs: dict[str, Tensor], leaves: dict[str, Tensor]) -> tuple[float, str]:
+    """How many values and gradients are NaN or infinite, and where the first ones are."""
+    bad: list[str] = []
+    count = 0
+    for name, value in outputs.items():
+        wrong = int((~value.isfinite()).sum())
+        if wrong:
+            count += wrong
+            bad.append(f"{name} ({wrong})")
+        if not value.requires_grad:
+            continue
+        found = torch.autograd.grad(value.sum(), list(leaves.values()), retain_graph=True, allow_unused=True)
+        for leaf, gradient in zip(leaves, found, strict=True):
+            wrong = 0 if gradient is None else int((~gradient.isfinite()).sum())
+            if wrong:
+                count += wrong
+                bad.append(f"d {name} / d {leaf} ({wrong})")
+    return float(count), "; ".join(bad[:4])
+
+
+def slope_error(function: Callable[[Sequence[Tensor]], Tensor], at: Sequence[Tensor]) -> float:
+    """Largest difference between gradients of `function` and central differences, relative to its values."""
+    leaves = [value.detach().clone().requires_grad_() for value in at]
+    worst = 0.0
+    jacobian = torch.autograd.functional.jacobian(lambda *values: function(values), tuple(leaves))
+    scale = function(leaves).detach()
+    for i, leaf in enumerate(leaves):
+        columns = jacobian[i].reshape(*scale.shape, -1)
+        for j in range(leaf.numel()):
+            size = max(abs(float(leaf.detach().reshape(-1)[j])), 1e-3)
+            moved = []
+            for sign in (1, -1):
+                values = [value.detach().clone() for value in leaves]
+                values[i].reshape(-1)[j] += sign * STEP * size
+                moved.append(function(values).detach())
+            slope = (moved[0] - moved[1]) / (2 * STEP)
+            ours = columns[..., j] * size
+            error = (ours - slope).abs() / (scale.abs() + slope.abs() + 1e-9)
+            worst = max(worst, float(error.nan_to_num(math.inf).max()))
+    return worst
