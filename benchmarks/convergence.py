@@ -139,7 +139,7 @@ def summary(row: dict[str, Any]) -> str:
     base = row["mse_times_seconds"]["height walk"]
     cells = "  ".join(f"{name}: {value / base:.2f}" for name, value in row["mse_times_seconds"].items())
     bias = row["correlated_bias_mse"] / row["mean_square"]
-    return f"alpha {row['alpha']}: error x time over the height walk's: {cells}; squared bias of correlated {bias:.1e} (relative)"
+    return f"alpha {row['alpha']}: error x time over the height walk's: {cells}; relative squared bias {bias:.1e}"
 
 
 def plot(rows: list[dict[str, Any]], path: Path) -> None:
@@ -173,9 +173,9 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", type=int, default=96, help="pixels across and down")
+    parser.add_argument("--size", type=int, default=80, help="pixels across and down")
     parser.add_argument("--max-order", type=int, default=8)
-    parser.add_argument("--reference-paths", type=int, default=2048)
+    parser.add_argument("--reference-paths", type=int, default=1024)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--quick", action="store_true", help="two α, few paths; nothing is saved")
     parser.add_argument("--plot-only", action="store_true", help="draw the figure from the saved numbers")
