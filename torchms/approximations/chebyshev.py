@@ -26,7 +26,9 @@ def outer(a: Tensor, b: Tensor) -> Tensor:
 
 def contracted(coefficients: Tensor, basis: Tensor) -> Tensor:
     """Σ_j coefficients[…, j] · basis[j, …]: (*lead, J) and (J, *shape) → (*lead, *shape)."""
-    return torch.tensordot(coefficients, basis, dims=1)
+    # A product promotes dtypes, a contraction does not: directions may be float64 where the table is float32.
+    dtype = torch.promote_types(coefficients.dtype, basis.dtype)
+    return torch.tensordot(coefficients.to(dtype), basis.to(dtype), dims=1)
 
 
 def summed(coefficients: Tensor, basis: Tensor) -> Tensor:
@@ -36,6 +38,6 @@ def summed(coefficients: Tensor, basis: Tensor) -> Tensor:
     """
     own = coefficients.shape[1:]
     if not own:
-        return torch.tensordot(coefficients, basis, dims=1)
+        return contracted(coefficients, basis)
     missing = (1,) * (basis.ndim - 1 - len(own))
     return (coefficients.reshape(-1, *missing, *own) * basis).sum(0)

@@ -124,8 +124,8 @@ class Stream:
     def seeds(self, batch_shape: Sequence[int], device: torch.device | None = None) -> Tensor:
         """The 64-bit seed of each element, int64 (*batch): what an ONNX file with a `seed` input takes."""
         if isinstance(self.seed, Tensor):
-            return self.seed.to(device).expand(*batch_shape)
-        rows = torch.arange(torch.Size(batch_shape).numel(), device=device).reshape(*batch_shape)
+            return self.seed.to(device).expand(torch.Size(batch_shape))
+        rows = torch.arange(torch.Size(batch_shape).numel(), device=device).reshape(torch.Size(batch_shape))
         return rows + (self.seed << 32)
 
     def uniforms(self, batch_shape: Sequence[int], n_uniforms: int, dtype: torch.dtype = torch.float32) -> Tensor:
@@ -140,7 +140,7 @@ class Stream:
             return torch.arange(rows.start, rows.stop, device=device) + (self.seed << 32)
         if self.seed.numel() == 1:
             return self.seed.reshape(1)
-        return self.seed.expand(*batch_shape).reshape(-1)[rows]
+        return self.seed.expand(torch.Size(batch_shape)).reshape(-1)[rows]
 
     def numbers(
         self, seeds: Tensor, n_uniforms: int, dtype: torch.dtype, paths: slice | None = None
