@@ -1,6 +1,6 @@
 """[Wang2022] Fig. 16: is ρ(ωi, ωo) = ρ(ωo, ωi)? Difference image and histogram, correlated model beside invariance.
 
-ρ is the BSDF without the cosine: a value over |cos θ_o|. The scene is a sphere with F = 1, GGX α = 1, seen and lit from two
+ρ is the BSDF without the cosine: a value over |cos θ_o|. The scene is a sphere with F = 1, GGX, seen and lit from two
 directions 60° apart, so that each pixel is one pair; both values of a pixel are means over N independent paths, and their
 difference has a standard error. If ρ is reciprocal, it is zero but for that error: in each pixel, in the mean, and in the
 mean square, where the errors cannot cancel. The mean alone can be zero for a model that is not reciprocal: on a sphere, the
@@ -61,7 +61,7 @@ def verdict(row: dict[str, Any]) -> str:
     zero = "zero within its standard error" if abs(row["mean"]) < 3 * row["mean_stderr"] else "not zero"
     square = f"mean square beyond the noise {row['excess_mean_square']:+.2e} ± {row['excess_stderr']:.1e}"
     other = "none" if abs(row["excess_mean_square"]) < 3 * row["excess_stderr"] else "there is a difference"
-    return f"{row['model']}, {row['paths']} paths a pixel: {mean} ({zero}); {square} ({other})"
+    return f"{row['model']}, alpha {row['alpha']}, {row['paths']} paths a pixel: {mean} ({zero}); {square} ({other})"
 
 
 @torch.no_grad()
@@ -86,7 +86,7 @@ def run(size: int, alpha: float, K: int, paths: int) -> tuple[list[dict[str, Any
             "mean_stderr": float(variance.sum().sqrt() / len(index)),
             "excess_mean_square": float(excess.mean()),
             "excess_stderr": float(excess.std() / math.sqrt(len(index))),
-            "largest_relative_difference": float((difference.abs() / there).max()),
+            "largest_relative_difference": float((difference.abs() / there.clamp_min(1e-9)).max()),
         }
         row["verdict"] = verdict(row)
         rows.append(row)
@@ -110,7 +110,7 @@ def plot(rows: list[dict[str, Any]], shown: dict[str, Any], path: Path) -> None:
         picture[shown["index"]] = difference
         top, below = axes[0][column], axes[1][column]
         drawn = top.imshow(picture.reshape(shown["size"], -1), cmap="RdBu_r", vmin=-limit, vmax=limit)
-        top.set_title(f"{row['model']}: ρ(ωi, ωo) − ρ(ωo, ωi)", fontsize=10)
+        top.set_title(row["model"], fontsize=10)
         top.axis("off")
         figure.colorbar(drawn, ax=top, shrink=0.8)
         bins = torch.linspace(-limit, limit, 61).numpy()
@@ -118,10 +118,11 @@ def plot(rows: list[dict[str, Any]], shown: dict[str, Any], path: Path) -> None:
         noise = torch.randn(len(difference), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
         below.hist((noise * variance.sqrt()).numpy(), bins, histtype="step", color="black", label="noise alone")
         below.axvline(row["mean"], color="tab:red", lw=1, label=f"mean {row['mean']:+.1e} ± {row['mean_stderr']:.0e}")
-        below.legend(fontsize=8, frameon=False)
+        below.legend(fontsize=7, frameon=False, loc="upper left")
         below.set_xlabel("difference [1/sr]")
         below.set_ylabel("pixels")
-    figure.suptitle(f"F = 1, GGX α = {rows[0]['alpha']}, {rows[0]['paths']} paths a pixel and way", fontsize=10)
+    title = f"ρ(ωi, ωo) − ρ(ωo, ωi): F = 1, GGX α = {rows[0]['alpha']}, {rows[0]['paths']} paths a pixel and way"
+    figure.suptitle(title, fontsize=10)
     figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=90)
@@ -130,18 +131,21 @@ def plot(rows: list[dict[str, Any]], shown: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", type=int, default=72, help="pixels across and down")
-    parser.add_argument("--alpha", type=float, default=1.0)
+    parser.add_argument("--size", type=int, default=64, help="pixels across and down")
+    parser.add_argument("--alpha", type=float, nargs="+", default=[0.5, 1.0], help="the figure shows the last")
     parser.add_argument("--max-order", type=int, default=6)
     parser.add_argument("--paths", type=int, default=512)
     parser.add_argument("--quick", action="store_true", help="few paths; nothing is saved")
     options = parser.parse_args()
     torch.set_num_threads(1)
     if options.quick:
-        run(16, options.alpha, 3, 64)
+        run(16, options.alpha[-1], 3, 64)
         return
-    rows, shown = run(options.size, options.alpha, options.max_order, options.paths)
-    save("reciprocity", rows)
+    saved = []
+    for alpha in options.alpha:
+        rows, shown = run(options.size, alpha, options.max_order, options.paths)
+        saved += rows
+    save("reciprocity", saved)
     plot(rows, shown, FIGURE)
 
 
