@@ -10,8 +10,12 @@ Powers of t / 2, because their coefficients are larger: onnxscript's optimizer d
 import pathlib
 import re
 from collections.abc import Callable
+from typing import Any
 
 import mpmath as mp
+
+Real = Any
+"""An mp.mpf; mpmath has no types."""
 
 mp.mp.dps = 60
 NODES = 64
@@ -19,7 +23,7 @@ FAR = mp.mpf(10) ** 9
 START, END = "# Tables: begin.", "# Tables: end."
 
 
-def chebyshev(f: Callable[[mp.mpf], mp.mpf], degree: int) -> list[mp.mpf]:
+def chebyshev(f: Callable[[Real], Real], degree: int) -> list[Real]:
     """Coefficients, in powers of t / 2 (highest first), of the degree-`degree` Chebyshev truncation of f on [−1, 1]."""
     angles = [mp.pi * (k + mp.mpf(1) / 2) / NODES for k in range(NODES)]
     values = [f(mp.cos(a)) for a in angles]
@@ -33,7 +37,7 @@ def chebyshev(f: Callable[[mp.mpf], mp.mpf], degree: int) -> list[mp.mpf]:
     return [c * 2**k for k, c in enumerate(powers)][::-1]
 
 
-def erfcx(x: mp.mpf) -> mp.mpf:
+def erfcx(x: Real) -> Real:
     """e^{x²} erfc(x)."""
     if x < 60:
         with mp.workdps(80):
@@ -41,7 +45,7 @@ def erfcx(x: mp.mpf) -> mp.mpf:
     return (1 / x - 1 / (2 * x**3) + 3 / (4 * x**5)) / mp.sqrt(mp.pi) + remainder(x, 3) / x
 
 
-def remainder(x: mp.mpf, first: int) -> mp.mpf:
+def remainder(x: Real, first: int) -> Real:
     """Σ_{n ≥ first} (−1)^n (2n − 1)!! / (2 x²)^n / √π, the asymptotic series of x erfcx(x), down to 1e-60."""
     term, total = mp.mpf(1), mp.mpf(0)
     for n in range(1, 400):
@@ -52,18 +56,18 @@ def remainder(x: mp.mpf, first: int) -> mp.mpf:
     return total / mp.sqrt(mp.pi)
 
 
-def ierfcx(x: mp.mpf) -> mp.mpf:
+def ierfcx(x: Real) -> Real:
     """1 / √π − x erfcx(x)."""
     return 1 / mp.sqrt(mp.pi) - x * erfcx(x) if x < 60 else -remainder(x, 1)
 
 
-def stirling(x: mp.mpf) -> mp.mpf:
+def stirling(x: Real) -> Real:
     """ln Γ(1 + x) − (x + ½) ln(1 + x) + (1 + x) − ½ ln 2π."""
     z = 1 + x
     return mp.loggamma(z) - (z - mp.mpf(1) / 2) * mp.log(z) + z - mp.log(2 * mp.pi) / 2 if z < 1e8 else 1 / (12 * z)
 
 
-def erfinv_ratio(w: mp.mpf) -> mp.mpf:
+def erfinv_ratio(w: Real) -> Real:
     """erfinv(y) / y at y = √(1 − e^{−w})."""
     if w == 0:
         return mp.sqrt(mp.pi) / 2
@@ -79,22 +83,22 @@ def erfinv_ratio(w: mp.mpf) -> mp.mpf:
     return x / y
 
 
-def on_half_line(f: Callable[[mp.mpf], mp.mpf], power: int, c: float) -> Callable[[mp.mpf], mp.mpf]:
+def on_half_line(f: Callable[[Real], Real], power: int, c: float) -> Callable[[Real], Real]:
     """t -> f(x) / q^power with q = c / (x + c) = (1 − t) / 2."""
     c = mp.mpf(c)
 
-    def g(t: mp.mpf) -> mp.mpf:
+    def g(t: Real) -> Real:
         x = min(c * (1 + t) / (1 - t), FAR)
         return f(x) * ((x + c) / c) ** power
 
     return g
 
 
-def on_interval(f: Callable[[mp.mpf], mp.mpf], k: float, top: float) -> Callable[[mp.mpf], mp.mpf]:
+def on_interval(f: Callable[[Real], Real], k: float, top: float) -> Callable[[Real], Real]:
     """t -> f(w), where v = w / (w + k) runs linearly from 0 to top / (top + k)."""
     k, top = mp.mpf(k), mp.mpf(top)
 
-    def g(t: mp.mpf) -> mp.mpf:
+    def g(t: Real) -> Real:
         v = top / (top + k) * (t + 1) / 2
         return f(k * v / (1 - v))
 

@@ -107,6 +107,8 @@ class MicrofacetDistribution(Parametric):
 class EllipticDistribution(MicrofacetDistribution):
     """A distribution whose slopes are a round one, stretched by α_x along x and α_y along y."""
 
+    alpha: Tensor
+    alpha_y: Tensor | None
     limits = (1e-3, 2.0)
 
     def __init__(self, alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> None:

@@ -118,7 +118,8 @@ def _title(options: EnergyOptions) -> str:
         "diffuse": f"diffuse facets of albedo {options.albedo:g}",
     }[options.material]
     gamma = "" if options.gamma is None else f", gamma = {options.gamma:g}"
-    return f"{what}, {options.distribution} alpha = {options.alpha}{gamma}, {options.samples} walks an entry, seed {options.seed}"
+    facets = f"{options.distribution} alpha = {options.alpha}{gamma}"
+    return f"{what}, {facets}, {options.samples} walks an entry, seed {options.seed}"
 
 
 def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], models: list[str]) -> str:

@@ -96,6 +96,7 @@ def _walk_block(
     energies: list[Tensor] = []
     squares: list[Tensor] = []
     total: Tensor | None = None
+    cells: Tensor | None = None
     left: Tensor | None = None
     weight: Tensor | None = None
     planes = [] if bins is None else [_Plane(bins) for _ in range(lobe_orders + 1)]
@@ -118,9 +119,9 @@ def _walk_block(
     sums = [torch.stack(energies, 1), torch.stack(squares, 1)]
     for value in (total, rest):
         sums += [value.sum(-1), (value * value).sum(-1)]
-    if bins is not None:
-        for plane in planes[k + 1 : -1]:  # orders beyond the last one
-            plane.add(cells, torch.zeros_like(energy))
+    if cells is not None:
+        for plane in planes[len(energies) : -1]:  # orders beyond the last one
+            plane.add(cells, torch.zeros_like(total))
         # A path adds to a cell of the last plane at most a few times; its squares are summed bounce by bounce.
         sums += [torch.stack([p.sum for p in planes]), torch.stack([p.squares for p in planes])]
     return _Sums(*sums)

@@ -179,9 +179,9 @@ def eagerly(graph: Graph, inputs: dict[str, Tensor], dtype: torch.dtype | None =
     dtype = dtype or graph.bsdf.dtype
     values = {k: v.to(dtype) if v.is_floating_point() else v for k, v in inputs.items()}
     bsdf: BSDF = graph.substituted(values, dtype)
-    wi, wo = values["wi"], values.get("wo")
+    wi = values["wi"]
     if graph.what == "pdf":
-        return bsdf.pdf(wi, wo)
+        return bsdf.pdf(wi, values["wo"])
     u = graph.numbers(values)
     if isinstance(u, Stream):
         # float32 numbers are what both get: 24 bits.
@@ -189,10 +189,11 @@ def eagerly(graph: Graph, inputs: dict[str, Tensor], dtype: torch.dtype | None =
     elif u is not None:
         u = u.to(dtype)
     if graph.what == "sample":
+        assert u is not None
         missing = bsdf.n_uniforms - u.shape[-1]
         u = torch.cat([u, u.new_zeros(*u.shape[:-1], missing)], -1)
         return bsdf.sample(wi, u.expand(*wi.shape[:1], *u.shape[-2:]))
-    return getattr(bsdf, graph.what)(wi, wo, u)
+    return getattr(bsdf, graph.what)(wi, values["wo"], u)
 
 
 def grid(graph: Graph, rows: int, seed: int = 0) -> dict[str, Tensor]:

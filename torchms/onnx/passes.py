@@ -4,8 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import torch
-from onnxscript import ir
-from onnxscript import opset20 as op
+from onnxscript import ir, opset20
+
+op: Any = opset20
+"""Here its functions take and give values of a graph; their types are those of eager ONNX."""
 
 
 def _right_shift(self: Any, other: int) -> Any:

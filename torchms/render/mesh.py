@@ -33,7 +33,8 @@ class Mesh(Shape):
             ) from error
         self.is_closed = is_closed
         low, high = vertices.min(0), vertices.max(0)
-        self.centre = tuple(float(c) for c in (low + high) / 2)
+        x, y, z = (low + high) / 2
+        self.centre = (float(x), float(y), float(z))
         self.radius = float(np.linalg.norm(high - low) / 2)
         # Embree computes in float32: centred and scaled, positions keep all of its digits.
         scaled = (vertices - np.asarray(self.centre)) / self.radius
