@@ -57,6 +57,13 @@ def test_what_is_cited_exists() -> None:
         assert hasattr(ms, name), name
 
 
+def test_the_citation_file_is_of_this_version() -> None:
+    lines = (ROOT / "CITATION.cff").read_text().splitlines()
+    assert lines[0] == "cff-version: 1.2.0" and f"version: {ms.__version__}" in lines
+    for required in ("message: ", "title: ", "authors:"):
+        assert any(line.startswith(required) for line in lines), required
+
+
 @pytest.mark.usefixtures("messages")
 def test_bad_arguments() -> None:
     with pytest.raises(TypeError, match=r"GGX.*got str"):

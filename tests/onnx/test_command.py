@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from torchms import GTR
 from torchms.onnx import Evaluator
-from torchms.onnx.command import run_export
+from torchms.onnx.command import build, run_export
 from torchms.onnx.options import ExportOptions
 
 ROOT = Path(__file__).parents[2]
@@ -40,12 +41,18 @@ def test_export_and_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         ({"rows": 0}, "--rows"),
         ({"material": "dielectric", "scattering": "invariance"}, "one side"),
         ({"alpha": "rough"}, "--alpha"),
+        ({"gamma": 2.0}, "--gamma"),
     ],
 )
 def test_options_that_do_not_fit(change: dict, words: str, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=words):
         run_export(ExportOptions(str(tmp_path / "x.onnx"), **change))
     assert not list(tmp_path.iterdir())
+
+
+def test_gtr_is_among_the_distributions() -> None:
+    facets = build(ExportOptions("x.onnx", distribution="gtr", alpha="0.4", gamma=3.0, double=True)).distribution
+    assert isinstance(facets, GTR) and (float(facets.alpha), float(facets.gamma)) == pytest.approx((0.4, 3.0))
 
 
 def test_options_need_no_torch() -> None:
