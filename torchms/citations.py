@@ -70,8 +70,8 @@ PAPERS: dict[str, Paper] = {
     "Tokuyoshi2023": Paper(
         ("Yusuke Tokuyoshi", "Kenta Eto"),
         "Bounded VNDF Sampling for the Smith–GGX BRDF",
-        "Advanced Micro Devices, with a supplementary document",
-        2023,
+        "Proceedings of the ACM on Computer Graphics and Interactive Techniques 7(1)",
+        2024,
     ),
     "Turquin2019": Paper(
         ("Emmanuel Turquin",),
@@ -92,7 +92,7 @@ PAPERS: dict[str, Paper] = {
         2022,
     ),
 }
-"""Every source by its key; the README lists them under Sources."""
+"""Every source by its key; the README lists them under Sources. (A key's year is that of the first copy we had.)"""
 
 BEHIND: dict[str, tuple[str, ...]] = {
     "GGX": ("Walter2007", "Dupuy2023"),
