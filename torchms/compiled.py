@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import torch
 from rich.console import Console
 from torch import Tensor
+from torch._functorch.compile_utils import fx_graph_cse
 from torch.fx.experimental.proxy_tensor import make_fx
 
 from torchms.bsdfs.base import BSDF
@@ -33,6 +34,16 @@ BLOCK_SINGLE = 131072
 # a name. Bounces read each other's results so often that its default (30) multiplies the work of the compiler by twenty;
 # named results inside one loop cost nothing. The loop must then not be cut at 64 names.
 OPTIONS = {"realize_opcount_threshold": 6, "max_fusion_size": 1_000_000, "cpp.dynamic_threads": True}
+
+SPLIT_CHANNELS = 8
+"""Up to so many channels are computed one by one; more stay an axis, for the compiler's sake."""
+CHANNEL_AXES: dict[str, tuple[int | None, ...]] = {
+    "_forward": (-2,),
+    "_orders": (-2,),
+    "_albedo": (-2, -2),
+    "_walk": (None, -3, None),
+}
+"""Kernel → the axis of the channels in each of its results."""
 
 _console = Console(stderr=True)
 
@@ -130,6 +141,9 @@ class Engine:
         n_directions, (kind, n_uniforms, dtype, has_points), layout = given
         size = inputs[0].shape[0]
 
+        channels = bsdf.n_channels
+        split = CHANNEL_AXES.get(kernel.__name__, ()) if 1 < channels <= SPLIT_CHANNELS else ()
+
         def flat(*tensors: Tensor) -> tuple[Tensor, ...]:
             rest = iter(tensors)
             directions = [Vec3(*(next(rest)[None] for _ in range(3))) for _ in range(n_directions)]
@@ -138,17 +152,32 @@ class Engine:
                 seeds, paths = next(rest), next(rest)[None]
                 points = next(rest)[:, None] if has_points else None
                 numbers = StreamNumbers(seeds, paths, n_uniforms, dtype, points)
-            elif kind is not tuple or n_uniforms_given:
+            elif n_uniforms_given:
                 numbers = next(rest)[:, None].unbind(0)
-            parts = iter(layout)
+            parameters = [
+                p.T if mapped and has_channels else p for p, (mapped, has_channels) in zip(rest, layout, strict=True)
+            ]
 
-            def take(p: Tensor, channels: bool) -> Tensor:
-                mapped, _ = next(parts)
-                value = next(rest)
-                return value.T if mapped and channels else value
+            def outputs(channel: int | None) -> tuple[Tensor, ...]:
+                parts = iter(parameters)
 
-            outputs = kernel(bound(bsdf, take), *directions, numbers)
-            return tuple(out.expand(*out.shape[:-1], size).contiguous() for out in outputs)
+                def take(_: Tensor, has_channels: bool) -> Tensor:
+                    p = next(parts)
+                    return p if channel is None or not has_channels or p.shape[-1] == 1 else p[..., channel, None]
+
+                return kernel(bound(bsdf, take), *directions, numbers)
+
+            # Inductor fuses loops of one shape only: with the channels as an axis, every number that all of them share
+            # would go through memory. Channel by channel they are one loop, and what is shared is computed once.
+            if split:
+                each = [outputs(channel) for channel in range(channels)]
+                found = [
+                    parts[0] if axis is None else torch.cat(parts, axis)
+                    for axis, *parts in zip(split, *each, strict=True)
+                ]
+            else:
+                found = outputs(None)
+            return tuple(out.expand(*out.shape[:-1], size).contiguous() for out in found)
 
         n_uniforms_given = kind is tuple and len(inputs) > 3 * n_directions + len(layout)
         name = f"{kernel.__name__.strip('_')} of {type(bsdf).__name__}"
@@ -159,6 +188,7 @@ class Engine:
             wanted = torch.is_grad_enabled()
             examples = [x.detach().requires_grad_(wanted and x.requires_grad) for x in inputs]
             graph = make_fx(flat, tracing_mode="fake")(*examples)
+            graph.graph = fx_graph_cse(graph.graph)
             graph.graph.eliminate_dead_code()
             graph.recompile()
             function = torch.compile(graph, dynamic=False, fullgraph=True, options=OPTIONS)
