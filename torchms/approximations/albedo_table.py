@@ -1,6 +1,5 @@
 """Energy of one bounce off a rough surface, from a table: E of a direction, and its mean E_avg."""
 
-import zipfile
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from torch import Tensor, nn
 
 from torchms.approximations import coordinates as at
 from torchms.approximations.chebyshev import contracted, outer, polynomials, summed
+from torchms.archives import read_arrays
 from torchms.distributions.base import EllipticDistribution, MicrofacetDistribution
 from torchms.frame import Vec3
 from torchms.version import __version__
@@ -166,29 +166,23 @@ class AlbedoTable(nn.Module):
 def _read(path: Path) -> tuple[str, dict[str, Tensor]]:
     """Distribution and coefficients of a file; ValueError if it is not what the generator writes."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            unpacked = sum(entry.file_size for entry in archive.infolist())
-        if unpacked > MOST_BYTES:
-            raise ValueError(f"{path.name} is no albedo table: it would unpack to {unpacked} bytes. {REMEDY}")
-        with np.load(path, allow_pickle=False) as file:
-            version = _scalar(file, "format", path)
-            if version != FORMAT:
-                raise ValueError(
-                    f"{path.name} is an albedo table of format {version}; this is format {FORMAT}. {REMEDY}"
-                )
-            name = str(_scalar(file, "distribution", path))
-            missing = [key for key in SHAPES if key not in file]
-            if missing:
-                raise ValueError(f"{path.name} is no albedo table: it lacks {', '.join(missing)}. {REMEDY}")
-            return name, {key: _coefficients(file[key], key, path) for key in SHAPES}
-    except (zipfile.BadZipFile, EOFError, OSError, KeyError) as error:
-        raise ValueError(f"{path.name} is truncated or no .npz file: {error}. {REMEDY}") from error
+        arrays = read_arrays(path, MOST_BYTES)
+    except ValueError as error:
+        raise ValueError(f"{path.name} is truncated or no .npz file of a table: {error}. {REMEDY}") from error
+    version = _scalar(arrays, "format", path)
+    if version != FORMAT:
+        raise ValueError(f"{path.name} is an albedo table of format {version}; this is format {FORMAT}. {REMEDY}")
+    name = str(_scalar(arrays, "distribution", path))
+    missing = [key for key in SHAPES if key not in arrays]
+    if missing:
+        raise ValueError(f"{path.name} is no albedo table: it lacks {', '.join(missing)}. {REMEDY}")
+    return name, {key: _coefficients(arrays[key], key, path) for key in SHAPES}
 
 
-def _scalar(file: Any, key: str, path: Path) -> Any:
-    if key not in file or file[key].shape != ():
+def _scalar(arrays: dict[str, np.ndarray], key: str, path: Path) -> Any:
+    if key not in arrays or arrays[key].shape != ():
         raise ValueError(f"{path.name} is no albedo table: it does not say its {key}. {REMEDY}")
-    return file[key].item()
+    return arrays[key].item()
 
 
 def _coefficients(array: np.ndarray, key: str, path: Path) -> Tensor:

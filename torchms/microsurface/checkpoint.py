@@ -3,17 +3,19 @@
 import io
 import json
 import warnings
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from torchms.archives import read_arrays
 from torchms.files import write_whole
 from torchms.microsurface.plan import Partial, Plan, Shard
 
 CONFIGURATION = "configuration.json"
+HEADERS = 4096
+"""Bytes that an array may take in a file beyond its numbers."""
 
 
 @dataclass(frozen=True)
@@ -80,13 +82,12 @@ class Checkpoint:
             return None
         expected = Partial.zeros(1, 1, self.plan.max_order, self.plan.material.channels, self.plan.lobes).arrays()
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in expected}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            arrays = read_arrays(path, sum(array.nbytes for array in expected.values()) + HEADERS * len(expected))
+        except ValueError as error:
             warnings.warn(f"Checkpoint: {path} cannot be read ({error}); the shard is traced again.", stacklevel=2)
             return None
         for name, array in expected.items():
-            if arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
+            if name not in arrays or arrays[name].shape != array.shape or arrays[name].dtype != array.dtype:
                 warnings.warn(f"Checkpoint: {path} is not of this plan; the shard is traced again.", stacklevel=2)
                 return None
         return Partial(**arrays)
