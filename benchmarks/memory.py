@@ -8,6 +8,7 @@ Every case runs in a process of its own, whose peak resident size is read before
 """
 
 import argparse
+import ctypes
 import json
 import subprocess
 import sys
@@ -43,6 +44,7 @@ def measure(scattering: str, rows: int, paths: int) -> dict[str, Any]:
         w[2].abs_()
     small = wi[:, :64].T, wo[:, :64].T
     bsdf(*small, Stream(1, paths))  # what is loaded at the first call is not counted
+    ctypes.CDLL(None).malloc_trim(0)  # nor what the allocator holds back of earlier temporaries
     before = resident("VmRSS")
     with open("/proc/self/clear_refs", "w") as clear:
         clear.write("5")  # the peak starts afresh
