@@ -1,12 +1,32 @@
 """The options of the command line, free of heavy imports so that `--help` answers at once."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol, runtime_checkable
 
 import tyro
 
 Material = Literal["conductor", "dielectric", "diffuse"]
 Model = Literal["uncorrelated", "correlated", "invariance", "height-walk", "single-bounce", "kulla-conty", "turquin"]
+
+
+@runtime_checkable
+class SurfaceOptions(Protocol):
+    """The options that say what a surface is, of whatever command."""
+
+    @property
+    def material(self) -> Material: ...
+    @property
+    def metal(self) -> str | None: ...
+    @property
+    def distribution(self) -> str: ...
+    @property
+    def alpha(self) -> str: ...
+    @property
+    def gamma(self) -> float | None: ...
+    @property
+    def eta(self) -> float: ...
+    @property
+    def albedo(self) -> float: ...
 
 
 @dataclass(frozen=True)

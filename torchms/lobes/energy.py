@@ -7,7 +7,7 @@ import torch
 
 from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-from torchms.cli_options import EnergyOptions
+from torchms.cli_options import EnergyOptions, SurfaceOptions
 from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
 from torchms.estimators import HeightWalk, Scattering, SingleBounce, Unidirectional
 from torchms.files import check_writable, write_json
@@ -65,8 +65,8 @@ def build_distribution(name: str, alpha: str, gamma: float | None) -> Microfacet
     return DISTRIBUTIONS[name](*alphas)
 
 
-def build(options: EnergyOptions, scattering: Scattering) -> BSDF:
-    """The BSDF that the options describe."""
+def build(options: SurfaceOptions, scattering: Scattering) -> BSDF:
+    """The BSDF that the options describe: material, distribution and their numbers."""
     distribution = build_distribution(options.distribution, options.alpha, options.gamma)
     if options.material == "conductor":
         fresnel: Fresnel = Ideal() if options.metal is None else Conductor.metal(options.metal)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import torch
 
-from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
+from torchms.approximations import KullaConty, Turquin
+from torchms.bsdfs import BSDF
+from torchms.estimators import Bidirectional, HeightWalk, SingleBounce, Unidirectional
 from torchms.files import check_writable, write_json, write_whole
-from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
-from torchms.lobes.energy import build_distribution
+from torchms.lobes import energy
 from torchms.onnx.check import check
 from torchms.onnx.exporter import checked, exported
 from torchms.onnx.options import ExportOptions
@@ -24,25 +24,16 @@ SCATTERINGS = {
     "bidirectional-uncorrelated": lambda K: Bidirectional(Uncorrelated(), K),
     "bidirectional-correlated": lambda K: Bidirectional(Correlated(), K),
     "bidirectional-invariance": lambda K: Bidirectional(Invariance(), K),
+    "kulla-conty": lambda K: KullaConty(),
+    "turquin": lambda K: Turquin(),
 }
 """What stands in the scattering slot, by name; a new class is one line here."""
 
 
 def build(options: ExportOptions) -> BSDF:
     """The BSDF that the options describe."""
-    distribution = build_distribution(options.distribution, options.alpha, options.gamma)
     default = "height-walk" if options.material == "dielectric" else "invariance"
-    scattering: Scattering = SCATTERINGS[options.scattering or default](options.max_order)
-    if options.metal is not None and options.material != "conductor":
-        raise ValueError(f"--metal goes with --material conductor; got --material {options.material}.")
-    bsdf: BSDF
-    if options.material == "conductor":
-        fresnel: Fresnel = Ideal() if options.metal is None else Conductor.metal(options.metal)
-        bsdf = RoughConductor(distribution, fresnel, scattering)
-    elif options.material == "dielectric":
-        bsdf = RoughDielectric(distribution, Dielectric(options.eta), scattering)
-    else:
-        bsdf = RoughDiffuse(distribution, options.albedo, scattering)
+    bsdf = energy.build(options, SCATTERINGS[options.scattering or default](options.max_order))
     return bsdf.to(torch.float64) if options.double else bsdf
 
 

@@ -14,6 +14,8 @@ Scattering = Literal[
     "bidirectional-uncorrelated",
     "bidirectional-correlated",
     "bidirectional-invariance",
+    "kulla-conty",
+    "turquin",
 ]
 
 
