@@ -64,6 +64,7 @@ node-test: $(STAMP)  ## exported files in ONNX Runtime for Node
 bench: $(STAMP)  ## throughput of the evaluators on this machine, then ratios to scalar code and Mitsuba
 	$(BIN)/python benchmarks/throughput.py
 	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python benchmarks/memory.py
 
 clean:
 	rm -rf .venv build
