@@ -37,7 +37,7 @@ LAYERS = (
     ("blocks", "validation"),
     ("bsdfs",),
     # What is done with a surface.
-    ("compiled", "parametrize"),
+    ("compiled", "parametrize", "citations"),
     ("lobes", "testing", "render"),
     ("microsurface", "onnx"),
     # Programs.
@@ -158,7 +158,8 @@ ELSEWHERE = {
 def public_classes() -> dict[str, type]:
     """Every concrete class of the theory that a user can build, wherever it was defined in the package."""
     for info in pkgutil.walk_packages(torchms.__path__, "torchms."):
-        if not info.name.endswith("__main__"):
+        # Programs define no such class, and their imports are extras of their own.
+        if info.name.removeprefix("torchms.") not in (*LAYERS[-2], *LAYERS[-1]) and "__main__" not in info.name:
             importlib.import_module(info.name)
     roots: list[type] = [torchms.BSDF, torchms.MicrofacetDistribution, torchms.Scattering, torchms.Segment]
     pending: list[type] = [*roots, fresnel.Fresnel]
