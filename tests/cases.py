@@ -158,3 +158,14 @@ def transmits(material: str) -> bool:
 def sides(material: str) -> tuple[float, ...]:
     """Signs of cos θ_i that the material serves."""
     return (1.0, -1.0) if transmits(material) else (1.0,)
+
+
+METHODS = {
+    "forward": lambda s, wi, wo, u: [s(wi, wo, u)],
+    "orders": lambda s, wi, wo, u: [s.orders(wi, wo, u)],
+    "sample": lambda s, wi, wo, u: s.sample(wi, u),
+    "pdf": lambda s, wi, wo, u: [s.pdf(wi, wo)],
+    "sample_walk": lambda s, wi, wo, u: s.sample_walk(wi, u),
+    "albedo": lambda s, wi, wo, u: s.albedo(wi, u),
+}
+"""Every method that evaluates, as a list of tensors."""

@@ -115,7 +115,6 @@ class Engine:
         """What `kernel(bsdf, *directions, numbers)` gives for (N, rows) = `shape` elements, mean over N or per path."""
         columns = _Columns(shape, self.block(bsdf))
         inputs = [columns.of(component) for w in directions for component in w]
-        n_directions = len(inputs)
         inputs += columns.numbers(numbers)
         layout: list[tuple[bool, bool]] = []
 
@@ -130,12 +129,12 @@ class Engine:
         source = (type(numbers), bsdf.n_uniforms, bsdf.dtype, getattr(numbers, "points", None) is not None)
         key = (kernel, bsdf.scattering, tuple(layout), tuple((x.dtype, x.shape) for x in inputs), source, grad)
         if key not in self.compiled:
-            given = (n_directions // 3, source, tuple(layout))
-            self.compiled[key] = self._compile(kernel, bsdf, inputs, given, per_path)
+            given = (len(directions), source, tuple(layout))
+            self.compiled[key] = self._compile(kernel, bsdf, inputs, given)
         return tuple(columns.back(out, per_path) for out in self.compiled[key](*inputs))
 
     def _compile(
-        self, kernel: Callable[..., tuple[Tensor, ...]], bsdf: BSDF, inputs: list[Tensor], given: Any, per_path: bool
+        self, kernel: Callable[..., tuple[Tensor, ...]], bsdf: BSDF, inputs: list[Tensor], given: Any
     ) -> Callable[..., tuple[Tensor, ...]]:
         """Trace `kernel` as a function of its tensors, and hand it to Inductor."""
         n_directions, (kind, n_uniforms, dtype, has_points), layout = given

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import torch
-from cases import bsdf, serves
+from cases import METHODS, bsdf, serves
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
@@ -14,14 +14,6 @@ from torchms.fresnel import Conductor, Dielectric, Schlick
 
 quick = settings(deadline=None, derandomize=True, max_examples=40)
 
-METHODS = {
-    "forward": lambda s, wi, wo, u: [s(wi, wo, u)],
-    "orders": lambda s, wi, wo, u: [s.orders(wi, wo, u)],
-    "pdf": lambda s, wi, wo, u: [s.pdf(wi, wo)],
-    "sample": lambda s, wi, wo, u: s.sample(wi, u),
-    "sample_walk": lambda s, wi, wo, u: s.sample_walk(wi, u),
-    "albedo": lambda s, wi, wo, u: s.albedo(wi, u),
-}
 SCATTERINGS = ("single", "uncorrelated", "correlated", "invariance", "height-walk", "kulla-conty", "turquin")
 MATERIALS = ("conductor[conductor]", "conductor[schlick]", "dielectric", "diffuse")
 

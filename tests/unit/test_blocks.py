@@ -2,22 +2,13 @@
 
 import pytest
 import torch
-from cases import bsdf, direction, directions, each, models
+from cases import METHODS, bsdf, direction, directions, each, models
 from torch import nn
 
 from torchms import GGX, RoughConductor, RoughDielectric, RoughDiffuse, Uncorrelated, Unidirectional, blocks
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = (1, 3, 7)
-METHODS = {
-    "forward": lambda s, wi, wo, u: [s(wi, wo, u)],
-    "orders": lambda s, wi, wo, u: [s.orders(wi, wo, u)],
-    "sample": lambda s, wi, wo, u: s.sample(wi, u),
-    "pdf": lambda s, wi, wo, u: [s.pdf(wi, wo)],
-    "sample_walk": lambda s, wi, wo, u: s.sample_walk(wi, u),
-    "albedo": lambda s, wi, wo, u: s.albedo(wi, u),
-}
-"""Every method that evaluates, as a list of tensors."""
 
 
 def same(actual, expected):

@@ -6,21 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 import torch
-from cases import bsdf, direction, directions, each, models
+from cases import METHODS, bsdf, direction, directions, each, models
 from torch import Tensor
 from torch.func import jacrev, vmap
 
 import torchms
 from torchms import BSDF
 
-METHODS = {
-    "forward": lambda s, wi, wo, u: [s(wi, wo, u)],
-    "orders": lambda s, wi, wo, u: [s.orders(wi, wo, u)],
-    "pdf": lambda s, wi, wo, u: [s.pdf(wi, wo)],
-    "sample": lambda s, wi, wo, u: s.sample(wi, u),
-    "sample_walk": lambda s, wi, wo, u: s.sample_walk(wi, u),
-    "albedo": lambda s, wi, wo, u: s.albedo(wi, u),
-}
 BAD = {
     "NaN": (math.nan, 0.0, 1.0),
     "infinite": (math.inf, 0.0, 1.0),
