@@ -16,6 +16,8 @@ from torchms.sampling.stream import Stream
 
 BLOCK = 8192
 """Rows × paths that are evaluated at a time."""
+LANES = 64
+"""Vector code and the scalar code at a loop's end differ in last bits: blocks of a multiple of it end as the batch does."""
 
 Kernel = Callable[..., tuple[Tensor, ...]]
 
@@ -94,6 +96,8 @@ def run(
     engine = module.engine if n_rows else None
     size = BLOCK if engine is None else engine.block(module)
     row_step = max(1, min(n_rows, size // max(1, n_paths)))
+    if LANES < row_step < n_rows:
+        row_step -= row_step % LANES
     path_step = max(1, min(n_paths, size))
     blocks = _Collector(n_rows, n_paths, per_path)
     for a in range(0, max(n_rows, 1), row_step):

@@ -127,7 +127,8 @@ class Engine:
         bound(bsdf, collect)
         grad = tuple(torch.is_grad_enabled() and x.requires_grad for x in inputs)
         source = (type(numbers), bsdf.n_uniforms, bsdf.dtype, getattr(numbers, "points", None) is not None)
-        key = (kernel, bsdf.scattering, tuple(layout), tuple((x.dtype, x.shape) for x in inputs), source, grad)
+        shapes = tuple((x.dtype, x.shape) for x in inputs)
+        key = (kernel, _structure(bsdf), tuple(layout), shapes, source, grad)
         if key not in self.compiled:
             given = (len(directions), source, tuple(layout))
             self.compiled[key] = self._compile(kernel, bsdf, inputs, given)
@@ -195,6 +196,15 @@ class Engine:
         if self.verbose:
             _console.print(f"{message}: {time.perf_counter() - start:.0f} s", highlight=False)
         return function
+
+
+def _structure(bsdf: BSDF) -> tuple[Any, ...]:
+    """All that a kernel may branch on in Python: the classes of the parts and their plain attributes."""
+    plain = (bool, int, float, str)
+    return tuple(
+        (type(part), *((k, v) for k, v in vars(part).items() if isinstance(v, plain) and k != "training"))
+        for part in bsdf.modules()
+    )
 
 
 class _Quiet:

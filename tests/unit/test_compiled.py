@@ -8,7 +8,18 @@ import torch
 from torch import nn
 
 import torchms
-from torchms import GGX, Bidirectional, Invariance, RoughConductor, RoughDielectric, Stream, Unidirectional, compiled
+from torchms import (
+    GGX,
+    Beckmann,
+    Bidirectional,
+    Invariance,
+    RoughConductor,
+    RoughDielectric,
+    SingleBounce,
+    Stream,
+    Unidirectional,
+    compiled,
+)
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = 64
@@ -121,6 +132,22 @@ def test_without_a_compiler(monkeypatch: pytest.MonkeyPatch, generator: torch.Ge
         fast = torchms.compile(eager)
     wi = directions(5, generator)
     assert torch.equal(fast(wi, wi, Stream(1)), eager(wi, wi, Stream(1)))
+
+
+def test_exchanged_parts_compile_anew(generator: torch.Generator) -> None:
+    """Another distribution, Fresnel term or scattering put into a compiled BSDF; numbers alone change no code."""
+    fast = torchms.compile(RoughConductor(GGX(0.5), Conductor(0.2, 3.0)), verbose=False)
+    wi = directions(5, generator)
+    fast.pdf(wi, wi)
+    fast.distribution.alpha.fill_(0.6)
+    fast.eval()
+    same([fast.pdf(wi, wi)], [RoughConductor(GGX(0.6), Conductor(0.2, 3.0)).pdf(wi, wi)])
+    assert len(fast.engine.compiled) == 1
+    fast.distribution = Beckmann(0.5)
+    same([fast.pdf(wi, wi)], [RoughConductor(Beckmann(0.5), Conductor(0.2, 3.0)).pdf(wi, wi)])
+    fast.fresnel = Schlick([0.2])
+    fast.scattering = SingleBounce()
+    same([fast(wi, wi)], [RoughConductor(Beckmann(0.5), Schlick([0.2]), SingleBounce())(wi, wi)])
 
 
 def test_takes_a_bsdf_only(messages: None) -> None:

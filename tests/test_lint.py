@@ -1,0 +1,22 @@
+"""What `make lint` asks for holds: the linter, the formatter and the type checker have nothing to say."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+CHECKS = {
+    "ruff": ["ruff", "check", "."],
+    "format": ["ruff", "format", "--check", "."],
+    "types": ["pyright", "--pythonpath", sys.executable, "torchms"],
+}
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_clean(name):
+    done = subprocess.run(
+        [sys.executable, "-m", *CHECKS[name]], cwd=ROOT, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, f"make lint: {name}\n{done.stdout[-4000:]}{done.stderr[-2000:]}"
