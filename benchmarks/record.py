@@ -50,7 +50,7 @@ def seconds(call: Callable[[], Any], repetitions: int = 7) -> dict[str, float]:
     return {"median": float(median), "q25": float(low), "q75": float(high)}
 
 
-def save(name: str, rows: list[dict[str, Any]]) -> None:
-    """Write `results/<name>.json`."""
+def save(name: str, rows: list[dict[str, Any]], out: Path | None = None) -> None:
+    """Write `results/<name>.json`, or `out`."""
     RESULTS.mkdir(exist_ok=True)
-    write_json(RESULTS / f"{name}.json", {"birth": birth_certificate(), "rows": rows}, force=True)
+    write_json(out or RESULTS / f"{name}.json", {"birth": birth_certificate(), "rows": rows}, force=True)

@@ -1,10 +1,17 @@
 """Results on disk: written whole or not at all, and never over something else without being told."""
 
+import glob
 import json
 import os
 import tempfile
+from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+
+try:
+    import fcntl
+except ImportError:  # not on Windows: what a killed process leaves there stays until somebody removes it
+    fcntl = None
 
 
 def check_writable(path: str | Path, force: bool) -> Path:
@@ -24,22 +31,66 @@ def check_writable(path: str | Path, force: bool) -> Path:
     return path
 
 
-def write_whole(path: str | Path, content: bytes, force: bool = False) -> None:
-    """Put `content` at `path` in one step: a temporary file in the same folder, then a rename."""
+def write_whole(path: str | Path, content: bytes, force: bool = False, *, sweep: bool = True) -> None:
+    """Put `content` at `path` in one step: a temporary file in the same folder, then a rename.
+
+    What killed processes left of that temporary file is removed first, unless not to `sweep` (it reads the folder).
+    """
     path = check_writable(path, force)
+    if sweep:
+        remove_leftovers(path.parent, glob.escape(path.name))
+    while not _written(path, content):
+        pass
+
+
+def remove_leftovers(folder: Path, names: str) -> int:
+    """Remove what killed processes left half written in `folder` of files that match `names`, and count it.
+
+    Whoever writes holds a lock, which the system takes back when he dies: a file that can be locked is nobody's.
+    """
+    found = 0
+    for entry in list(os.scandir(folder)):
+        if fnmatch(entry.name, f".{names}.????????.part") and entry.is_file(follow_symlinks=False):
+            try:
+                with open(entry.path, "rb+") as file:
+                    if _locked(file, wait=False):
+                        os.unlink(entry.path)
+                        found += 1
+            except OSError:  # finished or removed meanwhile, or another user's
+                continue
+    return found
+
+
+def _written(path: Path, content: bytes) -> bool:
+    """Put `content` at `path`; False if somebody took the temporary file for a leftover, before it was locked."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
+            _locked(file, wait=True)
+            if not os.fstat(file.fileno()).st_nlink:
+                return False
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
-        os.replace(temporary, path)
+            umask = os.umask(0)
+            os.umask(umask)
+            os.chmod(temporary, 0o666 & ~umask)
+            os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+    return True
+
+
+def _locked(file: IO[bytes], wait: bool) -> bool:
+    """Whether this process now holds the lock of `file`. Where there are no locks nobody gets one."""
+    if fcntl is None:
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:
+        return False
+    return True
 
 
 def write_json(path: str | Path, value: Any, force: bool = False) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from torchms.archives import read_arrays
-from torchms.files import write_whole
+from torchms.files import remove_leftovers, write_whole
 from torchms.microsurface.plan import Partial, Plan, Shard
 
 CONFIGURATION = "configuration.json"
@@ -38,6 +38,7 @@ class Checkpoint:
             raise NotADirectoryError(
                 f"simulate(checkpoint=...) must be a directory; {directory} or one above it is a file."
             ) from error
+        remove_leftovers(directory, "shard-*.npz")
         mine = json.loads(json.dumps(plan.configuration()))
         path = directory / CONFIGURATION
         if not path.exists():
@@ -73,7 +74,7 @@ class Checkpoint:
         """Keep one finished shard."""
         buffer = io.BytesIO()
         np.savez_compressed(buffer, **found.arrays())
-        write_whole(self.path(shard), buffer.getvalue(), force=True)
+        write_whole(self.path(shard), buffer.getvalue(), force=True, sweep=False)
 
     def load(self, shard: Shard) -> Partial | None:
         """A finished shard, or None if it has to be traced (an unreadable file is reported, and traced again)."""

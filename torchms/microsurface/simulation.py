@@ -80,19 +80,23 @@ def take_finished(plan: Plan, store: Checkpoint | None, total: Partial) -> list[
     """Add the shards that `store` holds to `total` (each in one process only) and return those to trace."""
     if store is None:
         return list(plan.shards)
-    rank, _ = distributed.rank_and_size()
-    # Read once, so that a file which cannot be read counts as missing everywhere; keep nothing but the sums.
-    readable = []
-    for shard in plan.shards:
-        readable.append(store.load(shard) is not None)
+    rank, size = distributed.rank_and_size()
+    owners = [rank] * len(plan.shards)
+    if size > 1:
+        # Read twice, so that a file which cannot be read counts as missing everywhere; keep nothing but the sums.
+        readable = []
+        for shard in plan.shards:
+            readable.append(store.load(shard) is not None)
+        owners = distributed.owners(readable)
     todo = []
-    for shard, owner in zip(plan.shards, distributed.owners(readable), strict=True):
-        if owner < 0:
-            todo.append(shard)
-        elif owner == rank:
-            found = store.load(shard)
-            assert found is not None
+    for shard, owner in zip(plan.shards, owners, strict=True):
+        found = store.load(shard) if owner == rank else None
+        if found is not None:
             total.add(found, plan.group(shard), shard.surface)
+        elif owner < 0 or size == 1:
+            todo.append(shard)
+        else:
+            assert owner != rank, "a shard that could be read a moment ago cannot be read any more"
     return todo
 
 
