@@ -273,17 +273,33 @@ def stirling(x: Tensor) -> Tensor:
     return q * polynomial(STIRLING, s)
 
 
+def stirling_difference(x: Tensor, d: Tensor) -> Tensor:
+    """stirling(x + d) − stirling(x) for x, d ≥ 0, accurate relative to d where it is small."""
+    q0, s0 = half_line(x, STIRLING_C)
+    q1, s1 = half_line(x + d, STIRLING_C)
+    # stirling is q P(s) with s = ½ − q. Synthetic division gives P(s0) and Q(s1) = (P(s1) − P(s0)) / (s1 − s0), so that
+    # q1 P(s1) − q0 P(s0) = (q1 − q0) (P(s0) − q1 Q(s1)), and q1 − q0 = −q0 q1 d / c.
+    first, second, *rest = (constant(c, x) for c in STIRLING[x.dtype])
+    quotient, at_s0 = first, s0 * first + second
+    for c in rest:
+        quotient = quotient * s1 + at_s0
+        at_s0 = at_s0 * s0 + c
+    return -q0 * q1 * (d / STIRLING_C) * (at_s0 - q1 * quotient)
+
+
 def log_beta_step(a: Tensor, b: Tensor) -> Tensor:
     """ln[Γ(a + 1) Γ(b + 1) / Γ(a + b + 1)] for a, b ≥ 0: the logarithm of a B(a, 1 + b), at most 0.
 
-    Symmetric in a and b. Finite, as is its gradient, at 0 and up to 1e8.
+    Symmetric in a and b. Finite, as is its gradient, at 0 and up to 1e8. Accurate relative to itself while one of the
+    two is small; where both are, the relative error grows to a few roundings over the larger.
     """
-    # Stirling for each Γ, with the logarithms paired so that nothing cancels for large a or b:
-    # (a + ½) ln(a + 1) + (b + ½) ln(b + 1) − (a + b + ½) ln(a + b + 1)
-    #   = −(a + ½) ln(1 + b / (a + 1)) − (b + ½) ln(1 + a / (b + 1)) + ½ ln(1 + a + b).
-    total = a + b
-    pairs = (a + 0.5) * log1p(b / (a + 1)) + (b + 0.5) * log1p(a / (b + 1)) - 0.5 * log1p(total)
-    rest = stirling(a) + stirling(b) - stirling(total)
-    value = rest - pairs - constant(1 - 0.5 * math.log(2 * math.pi), a)
+    # With l the smaller, h the larger: ln Γ(1 + l) − [ln Γ(1 + h + l) − ln Γ(1 + h)], where Stirling's form
+    # ln Γ(1 + x) = (x + ½) ln(1 + x) − x + stirling(x) + constant makes every term one of order l:
+    # l [ln(1 + l) − ln(1 + h)] + ½ ln(1 + l) − (h + l + ½) ln(1 + l / (1 + h)) + the differences of `stirling`.
+    less = a < b
+    low, high = torch.where(less, a, b), torch.where(less, b, a)
+    log_low = log1p(low)
+    logs = low * (log_low - log1p(high)) + 0.5 * log_low - (high + low + 0.5) * log1p(low / (high + 1))
+    value = logs + stirling_difference(torch.zeros_like(low), low) - stirling_difference(high, low)
     # Rounding may leave a positive value near 0, and so a negative probability; take it off, keep the gradient.
     return value - value.detach().clamp_min(0)

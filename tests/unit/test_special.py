@@ -120,6 +120,15 @@ def test_log_beta_step(dtype, value, generator):
     assert float(error.max()) < {torch.float32: 1e-3, torch.float64: 1e-10}[dtype]
 
 
+@pytest.mark.parametrize(("dtype", "value"), [(torch.float32, 1e-6), (torch.float64, 5e-12)], ids=["f32", "f64"])
+def test_log_beta_step_of_a_small_argument(dtype, value, generator):
+    """Relative to itself, which 1 − a B(a, 1 + b), the probability to stay, inherits: smooth glass rarely blocks light."""
+    low = 10 ** (torch.rand(300, generator=generator, dtype=F64) * 5 - 6)
+    high = 10 ** (torch.rand(300, generator=generator, dtype=F64) * 3 - 0.3)
+    low, high = low.to(dtype), high.to(dtype)
+    assert relative_error(special.log_beta_step(high, low), reference(beta_step, low, high)) < value
+
+
 def test_escape_probability_of_one_crossing():
     # a B(a, 1 + Λ) at integers: a! Λ! / (a + Λ)!.
     a, b = torch.tensor([1.0, 2.0, 3.0], dtype=F64), torch.tensor([1.0, 3.0, 2.0], dtype=F64)
