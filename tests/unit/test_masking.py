@@ -26,11 +26,12 @@ def a_of(model, w):
 
 @each("distribution", DISTRIBUTIONS)
 def test_G1_is_the_projected_area(distribution, generator):
-    """[Wang2022] Eq. 4: G1_dist(w) = |cos θ| / ∫ ⟨w, m⟩ D(m) dm, above the horizon and below, by quadrature."""
+    """[Wang2022] Eq. 4: ∫ ⟨w, m⟩ D(m) dm = |cos θ| / G1_dist(w), above the horizon and below, by quadrature."""
     model, w, _ = pairs(distribution, generator, 3)
     for one in torch.cat([w, -w]):
-        area = sphere_cells(lambda m: (m @ one).clamp_min(0) * model.D(m), (32, 32), 1e-7).sum()
-        assert float(G1_dist(model, one)) == pytest.approx(float(one[2].abs() / area), rel=1e-6)
+        area = one[2].abs() / G1_dist(model, one)
+        share = sphere_cells(lambda m: (m @ one).clamp_min(0) * model.D(m) / area, (32, 32), 1e-7).sum()
+        assert float(share) == pytest.approx(1, rel=1e-6)
 
 
 @each("distribution", DISTRIBUTIONS)
