@@ -1,7 +1,7 @@
 """A simulation that is killed (SIGKILL) again and again and started again: the same bits as one left in peace?
 
 Each round is a simulation of its own. Its starts, one process or now and then two under torchrun, end by a kill
-  clock     at a random time (exponential), so that it may hit anything;
+  clock     at a random time (exponential, of its own computing time), so that it may hit anything;
   start-up  in the first seconds, before anything is traced;
   write     while a shard stands half written beside its name;
   shard     the moment a shard is there, between one and the next;
@@ -22,6 +22,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -80,6 +81,16 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+def computed(process: Running) -> float:
+    """Seconds of computing that a process and its children have done: a busy machine changes nothing about it."""
+    ticks = 0
+    for pid in [process.pid, *children(process.pid)]:
+        with suppress(FileNotFoundError):  # a child has ended
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
 def kill(process: Running, one_worker: bool = False) -> None:
     """SIGKILL to all of it (the launcher is stopped first, so that it starts nothing more), or to a worker alone."""
     if one_worker and (workers := children(process.pid)):
@@ -128,7 +139,7 @@ class Found:
 def disturbed(
     options: list[str], folder: Path, rng: random.Random, *, gap: float, until: float, begin: Start = start
 ) -> Found:
-    """Run the simulation with its shards in `folder`, killed about every `gap` seconds, until it is done.
+    """Run the simulation with its shards in `folder`, killed about every `gap` seconds of computing, until it is done.
 
     From the time `until` (of `time.monotonic`) on it is left alone. RuntimeError if it ends by itself in any other way.
     """
@@ -167,25 +178,16 @@ def disturbed(
 
 
 def strike(process: Running, kind: str, folder: Path, rng: random.Random, gap: float, until: float) -> bool:
-    """Wait for the moment of a kill of this kind; False if the process ended before."""
-    moment = {"clock": rng.expovariate(1 / gap), "start-up": rng.uniform(0, gap / 5)}.get(kind, rng.uniform(0, gap))
-    end = time.monotonic() + moment
-    while time.monotonic() < end:
-        if process.poll() is not None:
-            return False
-        time.sleep(min(0.05, max(0.0, end - time.monotonic())))
-    stale, before = set(parts(folder)), shards(folder)
-    while kind in ("write", "shard"):
-        if process.poll() is not None:
-            return False
-        if kind == "write" and not stale.issuperset(parts(folder)):
+    """Wait for the moment of a kill of this kind; False if the process ended before, or nothing came until then."""
+    moment = {"clock": rng.expovariate(1 / gap), "start-up": rng.uniform(0, gap / 2)}.get(kind, rng.uniform(0, gap))
+    while process.poll() is None and computed(process) < moment:
+        time.sleep(min(0.05, gap / 100))
+    stale, before = set(parts(folder)), len(shards(folder))
+    waiting = kind in ("write", "shard")
+    while waiting and process.poll() is None and time.monotonic() < until:
+        if not stale.issuperset(parts(folder)) if kind == "write" else len(shards(folder)) > before:
             break
-        if kind == "shard":
-            time.sleep(0.002)
-            if len(shards(folder)) > len(before):
-                break
-        if time.monotonic() > max(until, end):
-            break
+        time.sleep(0.0005)
     return process.poll() is None
 
 
@@ -234,8 +236,8 @@ def total(rows: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=60.0, help="of disturbed running")
-    parser.add_argument("--rays", type=float, default=2e7, help="of each simulation")
-    parser.add_argument("--gap", type=float, default=12.0, help="seconds between kills, on average")
+    parser.add_argument("--rays", type=float, default=1e7, help="of each simulation")
+    parser.add_argument("--gap", type=float, default=10.0, help="seconds of computing between kills")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="JSON file instead of results/soak.json")
     options = parser.parse_args()

@@ -1,9 +1,14 @@
 """What the microsurface tests share."""
 
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import jaxtyping
 import pytest
+
+# The one program that starts, kills and starts again is a benchmark.
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 
 @pytest.fixture

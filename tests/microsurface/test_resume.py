@@ -7,72 +7,54 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+import soak
 import torch
 
 from torchms.microsurface import GaussianSurfaces, GridTracer, Lambertian, Mirror, Refractive, simulate
 from torchms.microsurface.checkpoint import differences
 
-ROOT = Path(__file__).parents[2]
 KEYS = ("reflected", "transmitted", "reflected_stderr", "transmitted_stderr", "lost", "slopes", "n", "segments")
 OPTIONS = ("--material", "dielectric", "--alpha", "0.8", "--alpha-y", "0.3", "--theta", "1.1", "--phi", "0.4")
 OPTIONS += ("--seed", "3", "--surfaces", "3", "--size", "128", "--tracer", "grid", "--no-progress")
 
 
-def environment() -> dict[str, str]:
-    keep = {k: v for k, v in os.environ.items() if not k.startswith(("PYTEST", "COV_"))}
-    return keep | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
-
-
 def command(*options: str, workers: int = 0) -> list[str]:
-    launcher = [sys.executable]
-    if workers:
-        launcher += ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={workers}"]
-    return [*launcher, "-m", "torchms.microsurface.cli", *OPTIONS, *options]
+    return soak.command([*OPTIONS, *options], workers)
 
 
 def finish(*options: str, workers: int = 0) -> None:
     done = subprocess.run(
-        command(*options, workers=workers), env=environment(), capture_output=True, text=True, timeout=300
+        command(*options, workers=workers), env=soak.environment(), capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr[-3000:]
-
-
-def children(pid: int) -> list[int]:
-    path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(c) for c in path.read_text().split()]
-
-
-def shards(folder: Path) -> dict[str, int]:
-    return {p.name: p.stat().st_mtime_ns for p in folder.glob("shard-*.npz")}
 
 
 def killed(folder: Path, rays: str, workers: int, out: Path) -> dict[str, int]:
     """Start, wait for a few shards, kill -9 one worker (or the only process), and return what is on disk."""
     process = subprocess.Popen(
         command("--rays", rays, "--checkpoint", str(folder), "--json", str(out), "--threads", "1", workers=workers),
-        env=environment(),
+        env=soak.environment(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
     try:
         until = time.monotonic() + 240
-        while len(shards(folder)) < 3:
+        while len(soak.shards(folder)) < 3:
             assert time.monotonic() < until and process.poll() is None, "no shards"
             time.sleep(0.02)
-        os.kill(children(process.pid)[-1] if workers else process.pid, signal.SIGKILL)
+        os.kill(soak.children(process.pid)[-1] if workers else process.pid, signal.SIGKILL)
         assert process.wait(timeout=120) != 0
     finally:
         if process.poll() is None:
             process.kill()
             process.wait()
     assert not out.exists()
-    return shards(folder)
+    return soak.shards(folder)
 
 
 def expected(rays: float) -> dict:
@@ -104,7 +86,7 @@ def test_a_killed_run_loses_only_the_shards_in_flight(tmp_path: Path) -> None:
     left = killed(folder, rays, 0, out)
     assert 3 <= len(left) < 48
     finish("--rays", rays, "--checkpoint", str(folder), "--json", str(out))
-    after = shards(folder)
+    after = soak.shards(folder)
     assert len(after) == 48
     # What was on disk was taken, not traced again.
     assert {name: after[name] for name in left} == left
@@ -117,7 +99,7 @@ def test_a_killed_worker_of_torchrun_resumes_with_another_number_of_workers(tmp_
     rays, folder, out = "5e6", tmp_path / "shards", tmp_path / "out.json"
     left = killed(folder, rays, 2, out)
     finish("--rays", rays, "--checkpoint", str(folder), "--json", str(out), workers=3)
-    after = shards(folder)
+    after = soak.shards(folder)
     assert {name: after[name] for name in left} == left
     result = json.loads(out.read_text())
     assert result["processes"] == 3
