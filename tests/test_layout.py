@@ -23,7 +23,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     # What everything stands on.
-    ("version", "typing", "numerics", "files", "archives", "progress", "cli_options"),
+    ("version", "typing", "numerics", "files", "archives", "inputs", "progress", "cli_options"),
     ("special", "frame"),
     ("module",),
     # A facet, the heights between facets, and both together.

@@ -1,4 +1,4 @@
-"""Arrays out of .npz files that nobody vouches for: no pickle, and no array before its size is known to fit."""
+"""Arrays out of .npz and .npy files that nobody vouches for: no pickle, no array before its size is known to fit."""
 
 import math
 import zipfile
@@ -22,21 +22,34 @@ def read_arrays(path: str | Path, most_bytes: int) -> dict[str, NDArray]:
                 raise ValueError(f"it would unpack to {unpacked} bytes, {most_bytes} are expected at most")
             for member in members:
                 with archive.open(member) as file:
-                    _check_header(file, member)
+                    _check_header(file, member.filename, member.file_size)
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except Exception as error:  # zipfile, zlib and NumPy raise a dozen kinds for as many kinds of damage
         raise ValueError(str(error) or type(error).__name__) from error
 
 
-def _check_header(file: Any, member: zipfile.ZipInfo) -> None:
-    """Raise ValueError unless the member is an array of plain numbers of just the size that the archive says."""
+def read_array(path: str | Path, most_bytes: int) -> NDArray:
+    """The array of a .npy file of no more than `most_bytes`; ValueError for whatever is wrong with it."""
+    try:
+        size = Path(path).stat().st_size
+        if size > most_bytes:
+            raise ValueError(f"it is of {size} bytes, {most_bytes} are expected at most")
+        with open(path, "rb") as file:
+            _check_header(file, "it", size)
+        return np.asarray(np.load(path, allow_pickle=False))
+    except Exception as error:
+        raise ValueError(str(error) or type(error).__name__) from error
+
+
+def _check_header(file: Any, name: str, size: int) -> None:
+    """Raise ValueError unless the file is an array of plain numbers of just this `size` [bytes]."""
     version = np.lib.format.read_magic(file)
     read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in read:
-        raise ValueError(f"{member.filename} is an array file of version {version}")
+        raise ValueError(f"{name} is an array file of version {version}")
     shape, _, dtype = read[version](file)
     if dtype.hasobject:
-        raise ValueError(f"{member.filename} holds objects, which would have to be unpickled")
-    if math.prod(shape) * dtype.itemsize != member.file_size - file.tell():
-        raise ValueError(f"{member.filename} says that it is {shape} of {dtype}, which is not its size")
+        raise ValueError(f"{name} holds objects, which would have to be unpickled")
+    if math.prod(shape) * dtype.itemsize != size - file.tell():
+        raise ValueError(f"{name} says that it is {shape} of {dtype}, which is not its size")

@@ -61,6 +61,17 @@ def remove_leftovers(folder: Path, names: str) -> int:
     return found
 
 
+def read_json(path: str | Path, most_bytes: int = 1 << 24) -> Any:
+    """What the JSON file holds; ValueError if it is none or larger than `most_bytes`."""
+    path = Path(path)
+    if (size := path.stat().st_size) > most_bytes:
+        raise ValueError(f"it is of {size} bytes, {most_bytes} are expected at most")
+    try:
+        return json.loads(path.read_bytes())
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+
+
 def _written(path: Path, content: bytes) -> bool:
     """Put `content` at `path`; False if somebody took the temporary file for a leftover, before it was locked."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")

@@ -14,6 +14,8 @@ from typing import Any
 
 import mpmath as mp
 
+from torchms.files import write_whole
+
 Real = Any
 """An mp.mpf; mpmath has no types."""
 
@@ -133,4 +135,4 @@ def tables() -> str:
 if __name__ == "__main__":
     target = pathlib.Path(__file__).with_name("special.py")
     source = target.read_text(encoding="utf-8")
-    target.write_text(re.sub(f"(?s){START}.*{END}", lambda _: tables(), source), encoding="utf-8")
+    write_whole(target, re.sub(f"(?s){START}.*{END}", lambda _: tables(), source).encode(), force=True)

@@ -128,7 +128,7 @@ def test_expressions_that_are_refused(text, says, messages):
     [
         ({"scene": "cube"}, "neither a file nor one of slab, sphere, plane"),
         ({"scene": "{tmp}/text.obj"}, "holds no triangles|could not be read"),
-        ({"scene": "{tmp}/text.xyzzy"}, "could not be read as a mesh"),
+        ({"scene": "{tmp}/text.xyzzy"}, r"must end in one of \.ply, \.obj"),
         ({"light": "sun"}, "--light must be directional, constant or a picture"),
         ({"light": "{tmp}/black.exr"}, "bright somewhere"),
         ({"intensity": 0.0}, "--intensity must be positive"),

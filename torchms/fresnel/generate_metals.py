@@ -24,6 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from torchms.files import write_whole
+
 # symbol: English names, (shelf, book, page) in the database. Chosen for bulk or thick-film samples at room temperature,
 # measured optically in the visible. Not used: Werner 2009 (energy loss of electrons; in the visible its reflectances
 # are far from the optical ones) and Querry's zinc (eta = 13).
@@ -176,8 +178,7 @@ def main() -> None:
     text = json.dumps(generate(), indent=1, ensure_ascii=False)
     text = re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: "[" + re.sub(r",\s+", ", ", m[1]) + "]", text)
     path = resources.files("torchms.fresnel").joinpath("metals.json")
-    with open(str(path), "w", encoding="utf-8") as file:
-        file.write(text + "\n")
+    write_whole(str(path), f"{text}\n".encode(), force=True)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from torchms.archives import read_arrays
-from torchms.files import remove_leftovers, write_whole
+from torchms.files import read_json, remove_leftovers, write_whole
 from torchms.microsurface.plan import Partial, Plan, Shard
 
 CONFIGURATION = "configuration.json"
@@ -52,16 +52,18 @@ class Checkpoint:
             write_whole(path, content, force=True)
             return Checkpoint(directory, plan)
         try:
-            theirs = json.loads(path.read_text())
+            theirs = read_json(path)
+            if not isinstance(theirs, dict):
+                raise ValueError(f"it holds {_short(theirs)}")
         except ValueError as error:
             raise ValueError(
-                f"simulate(checkpoint=...): {path} is not JSON ({error}). Name another directory."
+                f"simulate(checkpoint=...): {path} is no configuration ({error}). Name another directory."
             ) from error
         different = differences(theirs, mine)
         if different:
             raise ValueError(
                 f"simulate(checkpoint=...): {directory} belongs to another configuration. It has "
-                + "; ".join(f"{key} = {a} where this run has {b}" for key, a, b in different)
+                + "; ".join(f"{key} = {_short(a)} where this run has {_short(b)}" for key, a, b in different[:20])
                 + ". Name another directory, or run with its configuration."
             )
         return Checkpoint(directory, plan)
@@ -92,6 +94,12 @@ class Checkpoint:
                 warnings.warn(f"Checkpoint: {path} is not of this plan; the shard is traced again.", stacklevel=2)
                 return None
         return Partial(**arrays)
+
+
+def _short(value: Any) -> str:
+    """`value` for a message."""
+    text = str(value)
+    return text if len(text) <= 200 else f"{text[:200]} ..."
 
 
 def differences(theirs: Any, mine: Any, key: str = "") -> list[tuple[str, Any, Any]]:

@@ -138,7 +138,8 @@ class Heightfield:
                 f"Heightfield.from_file(height_scale=...) must be finite and above 0; got {height_scale}. "
                 "It is the height of one step of the map's values."
             )
-        return Heightfield.from_heights(read_heights(path) * height_scale, spacing, periodic=periodic, level=level)
+        heights = checked_heights(read_heights(path), f"Heightfield.from_file: the heights of {path}")
+        return Heightfield.from_heights(heights * height_scale, spacing, periodic=periodic, level=level)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from torchms.archives import read_array
 from torchms.files import check_writable, write_whole
+from torchms.inputs import MESHES, MOST_PIXELS, read_image
+from torchms.inputs import read_mesh as read_triangles
 
 if TYPE_CHECKING:
     import trimesh
 
     from torchms.microsurface.heightfield import Heightfield
 
-MESH_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 
 
@@ -70,6 +72,11 @@ def grid_of_mesh(mesh: "trimesh.Trimesh") -> tuple[np.ndarray, tuple[float, floa
         index.append(number)
         axes.append(lines)
     shape = (len(axes[0]), len(axes[1]))
+    if shape[0] * shape[1] > len(vertices):  # said before an array of that size is made
+        raise ValueError(
+            f"{where} must have a vertex at each point of its grid; it has {len(vertices)} for {shape[0]} x {shape[1]} "
+            f"points. Fill the holes (trimesh.repair). {remedy}"
+        )
     spacing = (float(np.mean(np.diff(axes[0]))), float(np.mean(np.diff(axes[1]))))
     heights = np.full(shape, np.nan)
     heights[index[0], index[1]] = vertices[:, 2]
@@ -90,9 +97,9 @@ def grid_of_mesh(mesh: "trimesh.Trimesh") -> tuple[np.ndarray, tuple[float, floa
 def read_mesh(path: str | Path) -> Any:
     """The mesh at `path`, or None if its suffix is not a mesh's."""
     _check_readable(path)
-    if Path(path).suffix.lower() not in MESH_SUFFIXES:
+    if Path(path).suffix.lower() not in MESHES:
         return None
-    return import_trimesh().load(path, force="mesh", process=False)
+    return read_triangles(path)
 
 
 def read_heights(path: str | Path) -> np.ndarray:
@@ -101,26 +108,19 @@ def read_heights(path: str | Path) -> np.ndarray:
     suffix = Path(path).suffix.lower()
     if suffix == ".npy":
         try:
-            return np.asarray(np.load(path, allow_pickle=False))
+            return read_array(path, 16 * MOST_PIXELS)
         except ValueError as error:
             raise ValueError(f"Heightfield.from_file(path=...): {path} is not a plain .npy array ({error}).") from error
     if suffix not in IMAGE_SUFFIXES:
-        allowed = ", ".join((".npy", *IMAGE_SUFFIXES, *MESH_SUFFIXES))
+        allowed = ", ".join((".npy", *IMAGE_SUFFIXES, *MESHES))
         raise ValueError(f"Heightfield.from_file(path=...) must end in one of {allowed}; got {path}. Convert it first.")
-    try:
-        from PIL import Image
-    except ImportError as error:
-        raise ImportError(
-            "Reading PNG and TIFF height maps needs Pillow: pip install pillow, or pass a .npy."
-        ) from error
-    with Image.open(path) as image:
-        if image.mode not in ("I;16", "I;16B", "I;16L", "I", "F"):
-            raise ValueError(
-                f"Heightfield.from_file(path=...) must be a 16-bit (or float) height map of one channel; {path} has "
-                f"mode {image.mode}. 256 steps of height make terraces: export the measurement with 16 bits."
-            )
-        pixels = np.array(image)
-    return pixels.astype(np.float64).T
+    image = read_image(path, ("PNG", "TIFF"))
+    if image.mode not in ("I;16", "I;16B", "I;16L", "I", "F"):
+        raise ValueError(
+            f"Heightfield.from_file(path=...) must be a 16-bit (or float) height map of one channel; {path} has "
+            f"mode {image.mode}. 256 steps of height make terraces: export the measurement with 16 bits."
+        )
+    return np.array(image).astype(np.float64).T
 
 
 def export(surface: "Heightfield", path: str | Path, *, force: bool) -> None:
@@ -131,12 +131,12 @@ def export(surface: "Heightfield", path: str | Path, *, force: bool) -> None:
         buffer = io.BytesIO()
         np.save(buffer, surface.heights)
         content = buffer.getvalue()
-    elif suffix in MESH_SUFFIXES:
+    elif suffix in MESHES:
         data = surface.mesh.export(file_type=suffix[1:])
         assert isinstance(data, str | bytes)
         content = data.encode() if isinstance(data, str) else data
     else:
-        allowed = ", ".join((".npy", *MESH_SUFFIXES))
+        allowed = ", ".join((".npy", *MESHES))
         raise ValueError(f"Heightfield.export(path=...) must end in one of {allowed}; got {path}.")
     write_whole(path, content, force)
 

@@ -17,8 +17,14 @@ from torchms.onnx import seal
 BLOCK = 16384
 """Rows × paths that go to the runtime at a time."""
 
+MOST_BYTES = 1 << 28
+"""Of a file that is read; `export` writes some 10 kB."""
+
 LANES = 64
 """A block has a multiple of so many rows."""
+
+_REFERENCE = b"location"
+"""The key of a tensor's `external_data` that holds the name of a file; no file of ours has the word."""
 
 Array = NDArray[Any]
 
@@ -62,19 +68,30 @@ class Evaluator:
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}. Write it with torchms.onnx.export(bsdf, path).")
+        if (size := path.stat().st_size) > MOST_BYTES:
+            raise ValueError(
+                f"{path.name} is of {size} bytes; at most {MOST_BYTES} are read. torchms writes no such file."
+            )
         content = path.read_bytes()
         if verify:
             seal.check(content, path.name)
+        if _REFERENCE in content:  # the runtime would read whatever file is named
+            raise ValueError(f"{path.name} refers to data in other files, which torchms never writes. Export it again.")
         self.session = _session(content, path.name)
         self.metadata: dict[str, str] = dict(self.session.get_modelmeta().custom_metadata_map)
         if "torchms.inputs" not in self.metadata:
             raise ValueError(
                 f"{path.name} was not written by torchms.onnx.export: it does not say what its inputs are."
             )
-        self.inputs = tuple(Input(entry) for entry in json.loads(self.metadata["torchms.inputs"]))
-        self.outputs: tuple[dict[str, Any], ...] = tuple(json.loads(self.metadata["torchms.outputs"]))
+        try:
+            self.inputs = tuple(Input(entry) for entry in json.loads(self.metadata["torchms.inputs"]))
+            self.outputs: tuple[dict[str, Any], ...] = tuple(json.loads(self.metadata["torchms.outputs"]))
+            self._result = namedtuple("Outputs", [entry["name"] for entry in self.outputs])
+        except (ValueError, TypeError, LookupError, RecursionError) as error:
+            raise ValueError(
+                f"{path.name}: what it says of its inputs and outputs cannot be read ({error})."
+            ) from error
         self.threads, self.block = threads, block
-        self._result = namedtuple("Outputs", [entry["name"] for entry in self.outputs])
 
     def __repr__(self) -> str:
         return (

@@ -3,13 +3,18 @@
 import io
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from torchms.files import check_writable, write_whole
+from torchms.inputs import MOST_PIXELS, check_pixels, read_image
 
 SUFFIXES = (".exr", ".png")
+
+FORMATS = ("PNG", "JPEG", "TIFF", "WEBP", "BMP")
+"""What is read besides .exr, by Pillow."""
 
 
 def check_picture(path: str | Path, force: bool) -> Path:
@@ -70,25 +75,27 @@ def exr_bytes(pixels: Tensor) -> bytes:
 
 
 def read_picture(path: str | Path) -> Tensor:
-    """The linear pixels (rows, columns, 3) of an .exr or an sRGB image file that Pillow reads, float32.
+    """The linear pixels (rows, columns, 3) of an .exr or an sRGB image file (PNG, JPEG, TIFF, WebP, BMP), float32.
 
-    Raises ValueError for a file that is not there or cannot be read.
+    Raises ValueError for a file that is not there, cannot be read or is too large (`torchms.inputs`).
     """
     path = Path(path)
     if not path.is_file():
         raise ValueError(f"the picture {path} does not exist.")
-    try:
-        if path.suffix.lower() != ".exr":
-            from PIL import Image
-            from PIL.ImageOps import exif_transpose
+    if path.suffix.lower() != ".exr":
+        image = read_image(path, FORMATS)
+        from PIL.ImageOps import exif_transpose
 
-            with Image.open(path) as image:
-                rgb = exif_transpose(image).convert("RGB")
-                encoded = torch.frombuffer(bytearray(rgb.tobytes()), dtype=torch.uint8)
-            return linear(encoded.reshape(rgb.height, rgb.width, 3).float() / 255)
-        with _openexr().File(str(path)) as file:
+        rgb = exif_transpose(image).convert("RGB")
+        encoded = torch.frombuffer(bytearray(rgb.tobytes()), dtype=torch.uint8)
+        return linear(encoded.reshape(rgb.height, rgb.width, 3).float() / 255)
+    OpenEXR = _openexr()
+    try:
+        with OpenEXR.File(str(path), header_only=True) as file:
+            _check_exr(path, [part.header for part in file.parts])
+        with OpenEXR.File(str(path)) as file:
             channels = {name: torch.from_numpy(c.pixels.astype("float32")) for name, c in file.channels().items()}
-    except (OSError, RuntimeError) as error:
+    except Exception as error:
         raise ValueError(f"the picture {path} cannot be read: {error}") from error
     for name in ("RGB", "RGBA"):
         if name in channels:
@@ -96,6 +103,18 @@ def read_picture(path: str | Path) -> Tensor:
     if "Y" in channels:
         return channels["Y"][..., None].expand(-1, -1, 3).contiguous()
     raise ValueError(f"the picture {path} has no channels R, G and B; it has {', '.join(channels)}.")
+
+
+def _check_exr(path: Path, headers: list[dict[str, Any]]) -> None:
+    """Raise ValueError if the parts of an .exr file are too large, each or together."""
+    numbers = 0
+    for header in headers:
+        (left, top), (right, bottom) = header["dataWindow"]
+        width, height = int(right) - int(left) + 1, int(bottom) - int(top) + 1
+        check_pixels(path, width, height)
+        numbers += width * height * len(header["channels"])
+    if numbers > 4 * MOST_PIXELS:
+        raise ValueError(f"it holds {numbers} numbers; at most {4 * MOST_PIXELS} are read")
 
 
 def _openexr():

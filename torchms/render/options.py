@@ -14,7 +14,7 @@ class RenderOptions:
     """
 
     scene: tyro.conf.Positional[str]
-    """slab, sphere or plane, or a mesh file that trimesh loads (.obj, .ply, .stl, .glb, ...)."""
+    """slab, sphere or plane, or a mesh file (.obj, .ply, .stl, .off, .glb)."""
     out: str
     """Where the picture goes: .png (tone-mapped) or .exr (linear)."""
     bsdf: str = "RoughConductor(GGX(0.3), Conductor.metal('Au'), Bidirectional(Invariance(), max_order=8))"

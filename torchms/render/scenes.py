@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from torchms.inputs import read_mesh
 from torchms.render.camera import Camera, Point
 from torchms.render.mesh import Mesh
 from torchms.render.shapes import Shape, Sphere
@@ -61,19 +62,7 @@ def _from_file(scene: str, crease: float) -> tuple[Shape, Camera]:
     path = Path(scene)
     if not path.is_file():
         raise ValueError(f"the scene {scene!r} is neither a file nor one of {', '.join(BUILT_IN)}.")
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError("torchms.render needs trimesh for mesh files: pip install 'torchms[render]'.") from error
-    try:
-        mesh = trimesh.load_mesh(path)
-    except Exception as error:  # trimesh's readers raise whatever they meet
-        raise ValueError(
-            f"the scene {path} could not be read as a mesh: {error}. "
-            f"trimesh reads {', '.join(sorted(trimesh.available_formats()))}."
-        ) from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise ValueError(f"the scene {path} holds no triangles. Export it as a triangle mesh.")
+    mesh = read_mesh(path, process=True)
     if not np.isfinite(mesh.vertices).all():
         raise ValueError(f"the scene {path} has vertices that are not finite. Repair the mesh first.")
     return _shaded(mesh, crease), _overview(mesh)
