@@ -51,10 +51,11 @@ def draw(shown: dict[str, dict[str, Any]], truth: Tensor, path: Path) -> None:
             smooth = losses[: len(losses) // 20 * 20].reshape(-1, 20).mean(1)
             axis.plot(torch.arange(len(smooth)) * 20, smooth, color=colour, label=model, linewidth=1.2)
         axis.set_yscale("symlog", linthresh=1e-4)
-        axis.set_title("squared relative error")
+        # An estimate without bias of something near zero: below it as often as above.
+        axis.set_title("squared relative error,\nestimate of 20 steps")
         axis.set_xlabel("step")
         axis.spines[["top", "right"]].set_visible(False)
-        axis.legend(frameon=False, fontsize=8, loc="center right")
+        axis.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.3), ncol=2, columnspacing=1)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, pil_kwargs={"optimize": True})
     plt.close(figure)
