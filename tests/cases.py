@@ -16,6 +16,7 @@ from torchms import (
     GGX,
     GTR,
     Beckmann,
+    Bidirectional,
     Correlated,
     HeightWalk,
     Invariance,
@@ -55,6 +56,10 @@ SCATTERINGS: dict[str, Callable[[int], Scattering]] = {
     "single": lambda max_order: SingleBounce(),
     **{name: lambda max_order, s=segment: Unidirectional(s(), max_order) for name, segment in SEGMENTS.items()},
     "height-walk": HeightWalk,
+    **{
+        f"bidirectional-{name}": lambda max_order, s=segment: Bidirectional(s(), max_order)
+        for name, segment in SEGMENTS.items()
+    },
 }
 
 COMPENSATIONS: dict[str, Callable[[int], Scattering]] = {
@@ -116,21 +121,30 @@ def serves(material: str, scattering: str) -> bool:
     return True
 
 
+HEAVY = {"gtr", "bidirectional-uncorrelated"}
+"""What is integrated numerically, or costly and made of parts that others test: its laws over tables are slow tests.
+
+GTR has quick ones of its own, tests/unit/distributions/test_gtr.py.
+"""
+
+
+def slow_if_heavy(key: Any) -> list[pytest.MarkDecorator]:
+    """The marks of a parameter."""
+    return [pytest.mark.slow] if key in HEAVY else []
+
+
 def models(materials: Iterable[str] = ONE_OF_EACH, scatterings: Iterable[str] = SCATTERINGS) -> pytest.MarkDecorator:
     """Parametrize over material × scattering, as far as the one takes the other."""
     pairs = [(m, s) for m, s in itertools.product(materials, scatterings) if serves(m, s)]
-    return pytest.mark.parametrize("material,scattering", pairs, ids=["-".join(pair) for pair in pairs])
-
-
-HEAVY = {"gtr"}
-"""What is integrated numerically: its laws are slow tests, tests/unit/distributions/test_gtr.py has the quick ones."""
+    return pytest.mark.parametrize(
+        "material,scattering",
+        [pytest.param(*pair, marks=slow_if_heavy(pair[1]), id="-".join(pair)) for pair in pairs],
+    )
 
 
 def each(name: str, table: Iterable[Any]) -> pytest.MarkDecorator:
     """Parametrize over the keys of a table."""
-    return pytest.mark.parametrize(
-        name, [pytest.param(key, marks=pytest.mark.slow) if key in HEAVY else key for key in table]
-    )
+    return pytest.mark.parametrize(name, [pytest.param(key, marks=slow_if_heavy(key)) for key in table])
 
 
 def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:

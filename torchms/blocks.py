@@ -4,6 +4,7 @@ Eager kernels run fastest on 4 k – 16 k numbers at a time; over millions of ro
 magnitude slower, because every intermediate is a fresh allocation.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,6 +17,8 @@ from torchms.sampling.stream import Stream
 
 BLOCK = 8192
 """Rows × paths that are evaluated at a time."""
+LARGEST = 1 << 48
+"""Elements of a batch; more overflow what torch counts with, before they overflow every memory."""
 LANES = 64
 """Vector code and the scalar code at a loop's end differ in last bits: blocks of a multiple of it end as the batch does."""
 
@@ -51,13 +54,19 @@ def _numbers(u: Tensor | None, batch_ndim: int) -> tuple[Tensor, ...]:
 
 
 def batch_shape(module: Parametric, directions: Sequence[Tensor], u: Tensor | Stream | None) -> torch.Size:
-    """The shape to which directions, random numbers and per-pixel parameters broadcast; ValueError if they do not."""
+    """The shape to which directions, random numbers and per-pixel parameters broadcast.
+
+    Raises ValueError if they do not, or if that has more elements than can be counted.
+    """
     shapes = [d.shape[:-1] for d in directions]
     if u is not None:
         shapes.append(u.batch_shape if isinstance(u, Stream) else u.shape[:-2])
     shapes += module.parameter_batch_shapes()
     try:
-        return torch.broadcast_shapes(*shapes)
+        batch = torch.broadcast_shapes(*shapes)
+        if not torch.compiler.is_compiling() and math.prod(batch) > LARGEST:
+            raise ValueError(f"the batch {tuple(batch)} has more than 2^48 elements. Evaluate parts of it.")
+        return batch
     except RuntimeError:
         names = ["wi", "wo"][: len(directions)] + (["u"] if u is not None else [])
         listing = ", ".join(f"{name} {tuple(shape)}" for name, shape in zip(names, shapes, strict=False))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.numerics import safe_sqrt, smallest
+from torchms.numerics import safe_sqrt, smallest, widened
 
 
 class Vec3(NamedTuple):
@@ -23,9 +23,35 @@ class Vec3(NamedTuple):
         return Vec3(-self.x, -self.y, -self.z)
 
 
+def check_direction(w: object, name: str = "a direction") -> None:
+    """Raise TypeError or ValueError if `w`, called `name` in the message, is no dense floating-point tensor (..., 3)."""
+    if not isinstance(w, Tensor) or not w.is_floating_point() or w.layout != torch.strided:
+        raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {kind_of(w)}.")
+    if w.ndim == 0 or w.shape[-1] != 3:
+        raise ValueError(f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}.")
+
+
+def kind_of(value: object) -> str:
+    """What an argument is, for an error message."""
+    if not isinstance(value, Tensor):
+        return type(value).__name__
+    return f"a Tensor of {value.dtype}" + ("" if value.layout == torch.strided else f", {value.layout}")
+
+
 def split(v: Tensor) -> Vec3:
-    """The components of a (..., 3) tensor."""
-    return Vec3(*v.unbind(-1))
+    """The components of a (..., 3) tensor, at least float32. Raises TypeError or ValueError for anything else."""
+    check_direction(v)
+    return Vec3(*widened(v).unbind(-1))
+
+
+def pair(u: Tensor) -> tuple[Tensor, Tensor]:
+    """The two random numbers of a (..., 2) tensor, at least float32. Raises TypeError or ValueError for anything else."""
+    if not isinstance(u, Tensor) or not u.is_floating_point():
+        raise TypeError(f"u must be a floating-point Tensor (*batch, 2); got {kind_of(u)}.")
+    if u.ndim == 0 or u.shape[-1] != 2:
+        raise ValueError(f"u must be (*batch, 2), two random numbers on the last axis; got shape {tuple(u.shape)}.")
+    first, second = widened(u).unbind(-1)
+    return first, second
 
 
 def join(v: Vec3) -> Tensor:

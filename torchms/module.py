@@ -2,13 +2,18 @@
 
 import copy
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
+from torchms.numerics import widened
+
 M = TypeVar("M", bound="Parametric")
+
+Value = float | int | list[Any] | tuple[Any, ...] | Tensor
+"""What a constructor takes for a parameter: a number, a list of channels, or a tensor, (*batch) or (*batch, C)."""
 
 
 def first_bad(bad: Tensor, value: Tensor) -> str:
@@ -34,39 +39,50 @@ class Parametric(nn.Module):
     def declare(
         self,
         name: str,
-        value: float | list[float] | tuple[float, ...] | Tensor | nn.Parameter | None,
+        value: Value | None,
         *,
         low: float,
         high: float,
         remedy: str,
         open_low: bool = False,
         channels: bool = False,
+        optional: bool = False,
         argument: str | None = None,
     ) -> None:
         """Check `value` and register it as `name`; `argument` is what the constructor calls it, if not `name`.
 
-        Raises ValueError with the name, the value, the allowed range and the `remedy` if an element is outside
-        [low, high] (or (low, high] if `open_low`) or NaN; TypeError if it is not a real number or tensor.
+        None is a value only if it is `optional`. Tensors shorter than float32, as a network gives under autocast, become
+        float32. Raises ValueError with the name, the value, the allowed range and the `remedy` if an element is outside
+        [low, high] (or (low, high] if `open_low`) or NaN, or if there is no channel; TypeError if it is not a real number
+        or tensor.
         """
         self.declared[name] = channels
         self.ranges[name] = (low, high)
-        if value is None:
+        if value is None and optional:
             self.register_buffer(name, None)
             return
         label = f"{type(self).__name__}({argument or name}=...)"
         if isinstance(value, Tensor):
             tensor = value
         elif isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
-            raise TypeError(f"{label} must be a float, a Tensor or an nn.Parameter; got {type(value).__name__}.")
+            kind = "None" if value is None else type(value).__name__
+            raise TypeError(f"{label} must be a float, a Tensor or an nn.Parameter; got {kind}.")
         else:
-            tensor = torch.tensor(value, dtype=torch.get_default_dtype())
+            try:
+                tensor = torch.tensor(value, dtype=torch.get_default_dtype())
+            except (TypeError, ValueError) as error:
+                raise TypeError(f"{label} must hold real numbers, as many in each row; got {value!r}.") from error
         if not tensor.is_floating_point():
             if tensor.is_complex():
                 raise TypeError(f"{label} must be real; got {tensor.dtype}.")
             tensor = tensor.to(torch.get_default_dtype())
+        if not isinstance(tensor, nn.Parameter):
+            tensor = widened(tensor)
         if channels and tensor.ndim == 0:
             tensor = tensor.reshape(1)
-        if not isinstance(tensor, torch._subclasses.FakeTensor):
+        if channels and tensor.shape[-1] == 0:
+            raise ValueError(f"{label} must have at least one channel, on its last axis; got {tuple(tensor.shape)}.")
+        if not tensor.is_meta and not isinstance(tensor, torch._subclasses.FakeTensor):
             outside = (tensor <= low) if open_low else (tensor < low)
             bad = (outside | (tensor > high) | torch.isnan(tensor)).detach()
             if bool(bad.any()):
@@ -129,7 +145,7 @@ def describe(module: nn.Module) -> str:
         value = getattr(module, name)
         if value is None:
             continue
-        if value.numel() <= 4:
+        if value.numel() <= 4 and not value.is_meta:
             parts.append(f"{name}={copy.deepcopy(value.detach()).tolist()}")
         else:
             parts.append(f"{name}=<{tuple(value.shape)}>")

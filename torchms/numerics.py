@@ -4,8 +4,22 @@ Everything guards the argument, never the result: `where(bad, 1, x)` before the 
 still has a NaN gradient.
 """
 
+import contextlib
+
 import torch
 from torch import Tensor
+
+
+def widened(x: Tensor) -> Tensor:
+    """`x` in float32 if its dtype is shorter: guards and constants are those of float32 and float64."""
+    return x.float() if torch.finfo(x.dtype).bits < 32 else x
+
+
+def own_precision(x: Tensor) -> contextlib.AbstractContextManager[object]:
+    """Where `torch.autocast` does not shorten what is computed of `x`."""
+    kind = x.device.type
+    shortened = torch.amp.autocast_mode.is_autocast_available(kind) and torch.is_autocast_enabled(kind)
+    return torch.autocast(kind, enabled=False) if shortened else contextlib.nullcontext()
 
 
 def smallest(dtype: torch.dtype) -> float:

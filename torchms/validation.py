@@ -1,12 +1,14 @@
-"""The checked mode: whether directions are looked at before they are used."""
+"""What a BSDF looks at before it computes; in the checked mode also the values of directions and random numbers."""
 
 from collections.abc import Mapping
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch._C._functorch import is_functorch_wrapped_tensor
 
+from torchms.frame import kind_of
 from torchms.module import first_bad
+from torchms.sampling.stream import Stream
 
 UNIT = 1e-3
 """Most that |w|² of a direction may differ from 1; a few units in the last place for shorter dtypes."""
@@ -21,10 +23,11 @@ def set_validation(enabled: bool) -> bool:
     """Switch the checked mode on (as it is at first) or off, for the whole process; returns what it was.
 
     Checked, every method of a BSDF raises ValueError for a direction that is NaN, infinite or not of unit length
-    (| |w|² − 1 | ≤ 1e-3): one pass over the directions, 2 to 3 ns each. Unchecked, they are used as they are: a NaN
-    gives a row that is 0 or NaN, another length gives the value of no surface, and other rows keep their bits and their
-    gradients either way. While a graph is traced (`torch.compile`, `torch.export`, ONNX, fake tensors) and inside
-    `torch.func` transforms of the directions nothing is checked. Raises TypeError if `enabled` is not a bool.
+    (| |w|² − 1 | ≤ 1e-3): one pass over the directions, 2 to 3 ns each; and for a random number outside of [0, 1), save
+    1 itself, to which one may have been rounded. Unchecked, both are used as they are: a NaN gives a row that is 0 or NaN,
+    another length or number gives the value of no surface, and other rows keep their bits and their gradients either way.
+    While a graph is traced (`torch.compile`, `torch.export`, ONNX, fake tensors) and inside `torch.func` transforms of the
+    directions nothing is checked. Raises TypeError if `enabled` is not a bool.
     """
     global _checked
     if not isinstance(enabled, bool):
@@ -41,11 +44,67 @@ def check_unit(directions: Mapping[str, Tensor]) -> None:
         if not w.numel() or _has_no_values(w):
             continue
         with torch.no_grad():
-            # What is the same along an axis is looked at once.
-            seen = w[tuple(slice(0, 1) if stride == 0 else slice(None) for stride in w.stride()[:-1])].detach()
+            seen = _seen_once(w, 1)
             slack = max(UNIT, 4 * torch.finfo(w.dtype).eps)
             if any(_strays(part, slack) for part in seen.reshape(-1, 3).split(CHUNK)):
                 _refuse(name, w.detach(), slack)
+
+
+def check_unit_interval(u: Tensor) -> None:
+    """Raise ValueError, in checked mode, for the first random number that is not in [0, 1]."""
+    if not _checked or torch.compiler.is_compiling() or not u.numel() or _has_no_values(u):
+        return
+    with torch.no_grad():
+        seen = _seen_once(u, 0)
+        # In the order of memory, whatever that of the axes: what is contiguous is read six times as fast.
+        low, high = torch.aminmax(seen.permute(sorted(range(seen.ndim), key=seen.stride, reverse=True)))
+        if not (float(low) >= 0 and float(high) <= 1):
+            bad = ~((u >= 0) & (u <= 1))
+            raise ValueError(
+                f"u must hold numbers in [0, 1); got {first_bad(bad, u)}. Draw them with bsdf.uniforms(batch_shape, "
+                "n_paths), or use torchms.set_validation(False) to skip this check."
+            )
+
+
+def check_random(u: Tensor | Stream | None, D: int, optional: bool, caller: str) -> None:
+    """Raise TypeError or ValueError if `u`, which may be left out if `optional`, gives no D numbers a path."""
+    if u is None and not optional:
+        raise ValueError(
+            f"{caller}() needs random numbers: u is missing. "
+            f"Draw them with u = bsdf.uniforms(batch_shape, n_paths), which gives (*batch, N, {D}), "
+            "or give a Stream(seed, n_paths)."
+        )
+    if u is None or isinstance(u, Stream):
+        return
+    if not isinstance(u, Tensor) or not u.is_floating_point() or u.layout != torch.strided:
+        raise TypeError(f"u must be a Stream or a floating-point Tensor (*batch, N, {D}); got {kind_of(u)}.")
+    if u.ndim < 2 or u.shape[-1] != D or u.shape[-2] < 1:
+        raise ValueError(
+            f"u must be (*batch, N, D) with N >= 1 and D = {D} for this BSDF; got shape {tuple(u.shape)}. "
+            "Draw it with bsdf.uniforms(batch_shape, n_paths)."
+        )
+
+
+def check_parameters(module: nn.Module, given: Mapping[str, Tensor]) -> None:
+    """Raise if parameters are of a dtype too short to compute in, or not on the device of the tensors that are given."""
+    for name, p in (*module.named_parameters(), *module.named_buffers()):
+        if p.is_floating_point() and torch.finfo(p.dtype).bits < 32:
+            raise TypeError(
+                f"torchms computes in float32 or float64; {name} of this {type(module).__name__} is {p.dtype}. "
+                "Convert it: bsdf.float()."
+            )
+        for argument, x in given.items():
+            if x.device != p.device:
+                raise ValueError(
+                    f"{argument} is on device {x.device}, {name} of this {type(module).__name__} on {p.device}. "
+                    f"Move one of them: bsdf.to({str(x.device)!r})."
+                )
+
+
+def _seen_once(x: Tensor, trailing: int) -> Tensor:
+    """`x` without what is the same along an axis, save the `trailing` ones: it is looked at once."""
+    axes = x.stride()[: x.ndim - trailing]
+    return x.detach()[tuple(slice(0, 1) if stride == 0 else slice(None) for stride in axes)]
 
 
 def _strays(w: Tensor, slack: float) -> bool:
@@ -58,7 +117,7 @@ def _strays(w: Tensor, slack: float) -> bool:
 
 def _has_no_values(w: Tensor) -> bool:
     """Whether `w` stands for values that are not known now: traced, fake, or one of many under a transform."""
-    return isinstance(w, torch._subclasses.FakeTensor) or is_functorch_wrapped_tensor(w)
+    return w.is_meta or isinstance(w, torch._subclasses.FakeTensor) or is_functorch_wrapped_tensor(w)
 
 
 def _refuse(name: str, w: Tensor, slack: float) -> None:

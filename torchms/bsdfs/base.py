@@ -10,14 +10,15 @@ from torch import Tensor
 from torchms import blocks
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
-from torchms.frame import Vec3
+from torchms.frame import Vec3, check_direction
 from torchms.module import Parametric
+from torchms.numerics import own_precision, widened
 from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
 from torchms.sampling.stream import Stream
 from torchms.typing import Direction, Orders, Scalar, Spectrum, Uniforms
-from torchms.validation import check_unit
+from torchms.validation import check_parameters, check_random, check_unit, check_unit_interval
 
 
 class DirectionSample(NamedTuple):
@@ -127,36 +128,34 @@ class BSDF(Parametric):
         """f(wi, wo) · |cos θ_o| [1/sr], summed over the orders, mean over the N paths of `u`.
 
         `u` may be left out where the scattering is deterministic. Rows on a side that the surface does not serve are 0.
-        Raises ValueError if a shape does not fit.
+        float16 and bfloat16 arguments are widened to float32, also under `torch.autocast`. Raises ValueError if a shape
+        or a device does not fit, TypeError for a dtype that does not.
         """
-        numbers = self._check({"wi": wi, "wo": wo}, u, self.scattering.is_deterministic(self.vertex), "forward")
-        return blocks.run(_forward, self, (wi, wo), numbers)[0]
+        exact = self.scattering.is_deterministic(self.vertex)
+        return self._run(_forward, {"wi": wi, "wo": wo}, u, "forward", optional=exact)[0]
 
     def orders(self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None) -> Orders:
         """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
-        numbers = self._check({"wi": wi, "wo": wo}, u, self.scattering.is_deterministic(self.vertex), "orders")
-        return blocks.run(_orders, self, (wi, wo), numbers)[0]
+        exact = self.scattering.is_deterministic(self.vertex)
+        return self._run(_orders, {"wi": wi, "wo": wo}, u, "orders", optional=exact)[0]
 
     def sample(self, wi: Direction, u: Uniforms | Stream) -> DirectionSample:
         """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
 
         For a `wi` on a side that the surface does not serve, pdf = 0.
         """
-        self._check({"wi": wi}, u, False, "sample")
-        return DirectionSample(*blocks.run(_sample, self, (wi,), u, per_path=True))
+        return DirectionSample(*self._run(_sample, {"wi": wi}, u, "sample", per_path=True))
 
     def pdf(self, wi: Direction, wo: Direction) -> Scalar:
         """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
-        self._check({"wi": wi, "wo": wo}, None, True, "pdf")
-        return blocks.run(_pdf, self, (wi, wo), None)[0]
+        return self._run(_pdf, {"wi": wi, "wo": wo}, None, "pdf", optional=True)[0]
 
     def sample_walk(self, wi: Direction, u: Uniforms | Stream) -> WalkSample:
         """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
 
         Its expectation is that of the model in the scattering slot.
         """
-        self._check({"wi": wi}, u, False, "sample_walk")
-        wo, weight, order = blocks.run(_walk, self, (wi,), u, per_path=True)
+        wo, weight, order = self._run(_walk, {"wi": wi}, u, "sample_walk", per_path=True)
         return WalkSample(wo, weight, order.to(torch.int64))
 
     def albedo(self, wi: Direction, u: Uniforms | Stream) -> Albedo:
@@ -164,44 +163,32 @@ class BSDF(Parametric):
 
         No η² factor, whatever the mode.
         """
-        self._check({"wi": wi}, u, False, "albedo")
-        return Albedo(*blocks.run(_albedo, self, (wi,), u))
+        return Albedo(*self._run(_albedo, {"wi": wi}, u, "albedo"))
 
-    def _check(
-        self, directions: dict[str, Tensor], u: Tensor | Stream | None, optional: bool, caller: str
-    ) -> Tensor | Stream | None:
-        """Raise if an argument does not fit; the random numbers to use."""
+    def _run(
+        self,
+        kernel: blocks.Kernel,
+        directions: dict[str, Tensor],
+        u: Tensor | Stream | None,
+        caller: str,
+        *,
+        optional: bool = False,
+        per_path: bool = False,
+    ) -> tuple[Tensor, ...]:
+        """`kernel` over blocks, after all that is given has been looked at."""
         for name, w in directions.items():
-            if not isinstance(w, Tensor) or not w.is_floating_point():
-                raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {_kind(w)}.")
-            if w.ndim == 0 or w.shape[-1] != 3:
-                raise ValueError(
-                    f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}."
-                )
+            check_direction(w, name)
+        check_random(u, self.n_uniforms, optional, caller)
+        check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
         check_unit(directions)
-        D = self.n_uniforms
-        if u is None:
-            if optional:
-                return None
-            raise ValueError(
-                f"{caller}() needs random numbers: u is missing. "
-                f"Draw them with u = bsdf.uniforms(batch_shape, n_paths), which gives (*batch, N, {D}), "
-                "or give a Stream(seed, n_paths)."
-            )
-        if isinstance(u, Stream):
-            return None if optional else u
-        if not isinstance(u, Tensor) or not u.is_floating_point():
-            raise TypeError(f"u must be a Stream or a floating-point Tensor (*batch, N, {D}); got {_kind(u)}.")
-        if u.ndim < 2 or u.shape[-1] != D or u.shape[-2] < 1:
-            raise ValueError(
-                f"u must be (*batch, N, D) with N >= 1 and D = {D} for this BSDF; got shape {tuple(u.shape)}. "
-                "Draw it with bsdf.uniforms(batch_shape, n_paths)."
-            )
-        return None if optional else u
-
-
-def _kind(value: object) -> str:
-    return f"a Tensor of {value.dtype}" if isinstance(value, Tensor) else type(value).__name__
+        if optional:
+            u = None
+        if isinstance(u, Tensor):
+            check_unit_interval(u)
+            u = widened(u)
+        given = [widened(w) for w in directions.values()]
+        with own_precision(given[0]):
+            return blocks.run(kernel, self, given, u, per_path=per_path)
 
 
 # The kernels: functions of components. Values are (C, N, …) with N = 1 where nothing was drawn.

@@ -6,9 +6,9 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
-from torchms.frame import Vec3, dot, join, split
+from torchms.frame import Vec3, dot, join, pair, split
 from torchms.module import Parametric, describe
-from torchms.numerics import away_from_zero, horizon, smallest
+from torchms.numerics import away_from_zero, horizon, own_precision, smallest
 from torchms.typing import Direction, Pair, Scalar
 
 
@@ -97,8 +97,9 @@ class MicrofacetDistribution(Parametric):
         return self.visible_density(split(w), split(m))
 
     def sample_visible(self, w: Direction, u: Pair) -> Direction:
-        """A visible normal for any `w` on the sphere, with density `D_visible`; `u` in [0, 1)²."""
-        return join(self.visible_normal(split(w), u[..., 0], u[..., 1]))
+        """A visible normal for any `w` on the sphere, with density `D_visible`; `u` (*batch, 2) in [0, 1)²."""
+        with own_precision(u):
+            return join(self.visible_normal(split(w), *pair(u)))
 
     def extra_repr(self) -> str:
         return describe(self)
@@ -113,12 +114,10 @@ class EllipticDistribution(MicrofacetDistribution):
 
     def __init__(self, alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> None:
         super().__init__()
-        if alpha is None:
-            raise TypeError(f"{type(self).__name__}(alpha=...) must be a float, a Tensor or an nn.Parameter; got None.")
         low, high = self.limits
         remedy = "A mirror is the limit alpha -> 0: use a delta BSDF."
         self.declare("alpha", alpha, low=low, high=high, remedy=remedy)
-        self.declare("alpha_y", alpha_y, low=low, high=high, remedy=remedy)
+        self.declare("alpha_y", alpha_y, low=low, high=high, remedy=remedy, optional=True)
 
     @property
     def alphas(self) -> tuple[Tensor, Tensor]:

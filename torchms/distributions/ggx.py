@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.frame import Vec3, dot, join, normalized, split
+from torchms.frame import Vec3, dot, join, normalized, pair, split
 from torchms.numerics import safe_sqrt, smallest
 from torchms.typing import Direction, Pair, Scalar
 
@@ -110,7 +110,7 @@ class GGX(EllipticDistribution):
         Not for refraction: normals that refract but cannot reflect upward are left out. Reflections below the horizon remain,
         but fewer than with `sample_visible`; none if α_x = α_y ≥ 1. For w below the horizon it is `sample_visible`.
         """
-        return join(self.bounded_normal(split(w), u[..., 0], u[..., 1]))
+        return join(self.bounded_normal(split(w), *pair(u)))
 
     def D_bounded(self, w: Direction, m: Direction) -> Scalar:
         """Density of `sample_bounded` at `m` [1/sr]: D(m) ⟨w, m⟩ over its integral on the cap [Tokuyoshi2023]."""

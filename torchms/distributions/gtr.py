@@ -25,9 +25,6 @@ class GTR(MicrofacetDistribution):
 
     def __init__(self, alpha: float | Tensor, gamma: float | Tensor) -> None:
         super().__init__()
-        for name, value in (("alpha", alpha), ("gamma", gamma)):
-            if value is None:
-                raise TypeError(f"GTR({name}=...) must be a float, a Tensor or an nn.Parameter; got None.")
         remedy = "A mirror is the limit alpha -> 0: use a delta BSDF; rougher than 1 are GGX and Beckmann."
         self.declare("alpha", alpha, low=0.01, high=1.0, remedy=remedy)
         remedy = "gamma = 2 is GGX; gamma -> 0 is GGX with alpha = 1, and far above 10 nothing is left of the tails."

@@ -1,16 +1,15 @@
 """What a facet reflects: the slot `fresnel` of every BSDF with smooth facets."""
 
+import math
 from abc import ABC, abstractmethod
-from typing import Any
 
 import torch
 from torch import Tensor
 
+from torchms.frame import kind_of
 from torchms.module import Parametric, describe
+from torchms.numerics import widened
 from torchms.typing import Scalar, Spectrum
-
-Value = float | int | list[Any] | tuple[Any, ...] | Tensor
-"""What a constructor takes for a parameter: a number, a list of channels, or a tensor, (*batch) or (*batch, C)."""
 
 
 class Fresnel(Parametric, ABC):
@@ -36,20 +35,16 @@ class Fresnel(Parametric, ABC):
     def forward(self, cos_theta: Scalar) -> Spectrum:
         """Reflectance [1], in [0, 1] up to rounding, of a facet met at `cos_theta` = w · m; channels last.
 
-        Every element is computed for its own cosine; a NaN stays a NaN.
+        Every element is computed for its own cosine; a NaN stays a NaN. Raises TypeError if it is no floating tensor.
         """
-        return self.reflectance(cos_theta).movedim(0, -1)
+        if not isinstance(cos_theta, Tensor) or not cos_theta.is_floating_point():
+            raise TypeError(f"cos_theta must be a floating-point Tensor (*batch); got {kind_of(cos_theta)}.")
+        F = self.reflectance(widened(cos_theta)).movedim(0, -1)
+        return torch.where(cos_theta.isnan().unsqueeze(-1), math.nan, F)
 
     def extra_repr(self) -> str:
         """The parameters, in full while they are few."""
         return describe(self)
-
-
-def as_parameter(value: Value) -> float | Tensor:
-    """`value` as `Parametric.declare` takes it; a list of channels becomes a tensor."""
-    if isinstance(value, list | tuple):
-        return torch.tensor(value, dtype=torch.get_default_dtype())
-    return float(value) if type(value) is int else value
 
 
 def from_front(cos_theta: Tensor) -> Tensor:

@@ -3,9 +3,9 @@
 import torch
 from torch import Tensor
 
-from torchms.fresnel.base import Fresnel, Value, as_parameter, from_front
+from torchms.fresnel.base import Fresnel, from_front
 from torchms.fresnel.metals import lookup
-from torchms.module import channels_first
+from torchms.module import Value, channels_first
 from torchms.numerics import safe_div, safe_sqrt
 
 
@@ -59,8 +59,8 @@ class Conductor(Fresnel):
     def __init__(self, eta: Value, k: Value) -> None:
         super().__init__()
         remedy = "Conductor.metal(name) has measured values, for example Conductor.metal('Cu')."
-        self.declare("eta", as_parameter(eta), low=0.0, high=1e6, open_low=True, channels=True, remedy=remedy)
-        self.declare("k", as_parameter(k), low=0.0, high=1e6, channels=True, remedy=remedy)
+        self.declare("eta", eta, low=0.0, high=1e6, open_low=True, channels=True, remedy=remedy)
+        self.declare("k", k, low=0.0, high=1e6, channels=True, remedy=remedy)
         try:
             torch.broadcast_shapes(self.eta.shape, self.k.shape)
         except RuntimeError as error:

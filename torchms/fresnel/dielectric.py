@@ -3,7 +3,8 @@
 import torch
 from torch import Tensor
 
-from torchms.fresnel.base import Fresnel, Value, as_parameter, from_front
+from torchms.fresnel.base import Fresnel, from_front
+from torchms.module import Value
 from torchms.numerics import safe_div, safe_sqrt, smallest
 
 
@@ -46,7 +47,7 @@ class Dielectric(Fresnel):
         super().__init__()
         self.declare(
             "eta",
-            as_parameter(eta),
+            eta,
             low=1e-6,
             high=1e6,
             remedy="It is n_inside / n_outside: 1.5 for glass in air, 1 / 1.5 for an air bubble in glass.",

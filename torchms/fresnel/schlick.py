@@ -2,8 +2,8 @@
 
 from torch import Tensor
 
-from torchms.fresnel.base import Fresnel, Value, as_parameter, from_front
-from torchms.module import channels_first
+from torchms.fresnel.base import Fresnel, from_front
+from torchms.module import Value, channels_first
 
 
 class Schlick(Fresnel):
@@ -19,7 +19,7 @@ class Schlick(Fresnel):
         super().__init__()
         self.declare(
             "f0",
-            as_parameter(f0),
+            f0,
             low=0.0,
             high=1.0,
             channels=True,

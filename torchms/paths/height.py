@@ -48,5 +48,7 @@ class RandomHeight(Segment):
         assert leg.number is not None
         lam = leg.lam.clamp_min(1e-12)
         blocked = torch.where(leg.up, -expm1(lam * state.log_U), 1.0)
-        step = log1p(-leg.number * blocked) / lam
+        # A number that was rounded up to 1 counts as the last one below.
+        passed = (leg.number * blocked).clamp_max(1 - torch.finfo(lam.dtype).eps / 2)
+        step = log1p(-passed) / lam
         return HeightState(state.stay * blocked, (state.log_U + torch.where(leg.up, -step, step)).clamp_max(0.0))

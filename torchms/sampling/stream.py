@@ -138,9 +138,10 @@ class Stream:
         """The seeds of `rows` of the flattened batch, (rows,); one entry if they are the same for all."""
         if not isinstance(self.seed, Tensor):
             return torch.arange(rows.start, rows.stop, device=device) + (self.seed << 32)
-        if self.seed.numel() == 1:
-            return self.seed.reshape(1)
-        return self.seed.expand(torch.Size(batch_shape)).reshape(-1)[rows]
+        seed = self.seed.to(device)
+        if seed.numel() == 1:
+            return seed.reshape(1)
+        return seed.expand(torch.Size(batch_shape)).reshape(-1)[rows]
 
     def numbers(
         self, seeds: Tensor, n_uniforms: int, dtype: torch.dtype, paths: slice | None = None

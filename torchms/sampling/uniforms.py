@@ -1,6 +1,6 @@
 """The only place that draws random numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import torch
 from torch import Tensor
@@ -22,9 +22,11 @@ def draw(
 
     Each of the `n_uniforms` numbers is contiguous in memory: the result is a permuted view. "sobol" gives every row the
     same scrambled Sobol points, rotated by a random shift of its own, so that rows are independent of each other.
-    Raises ValueError for an unknown `sequence`, or if n_paths or n_uniforms is less than 1.
+    Raises ValueError for an unknown `sequence`, or if a size or n_paths is too small; TypeError if one is no integer.
     """
-    batch = tuple(int(size) for size in batch_shape)
+    batch = _sizes(batch_shape)
+    if isinstance(n_paths, bool) or not isinstance(n_paths, int):
+        raise TypeError(f"n_paths must be an int; got {n_paths!r}.")
     if n_paths < 1:
         raise ValueError(f"n_paths must be at least 1; got {n_paths}.")
     if sequence not in SEQUENCES:
@@ -39,6 +41,15 @@ def draw(
         # Rounding to a shorter dtype may reach 1, which is outside of [0, 1).
         u = ((points + shift) % 1.0).to(dtype).clamp_max(1 - torch.finfo(dtype).eps / 2)
     return u.permute(*range(2, 2 + len(batch)), 1, 0)
+
+
+def _sizes(batch_shape: Sequence[int]) -> tuple[int, ...]:
+    if isinstance(batch_shape, str) or not isinstance(batch_shape, Iterable):
+        raise TypeError(f"batch_shape must be a sequence of sizes, such as wi.shape[:-1] or (n,); got {batch_shape!r}.")
+    batch = tuple(int(size) for size in batch_shape)
+    if min(batch, default=0) < 0:
+        raise ValueError(f"batch_shape must hold sizes of at least 0; got {batch}.")
+    return batch
 
 
 def integers(low: int, high: int, shape: Sequence[int], generator: torch.Generator | None = None) -> Tensor:
