@@ -10,6 +10,8 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     import trimesh
     from PIL import Image
@@ -75,10 +77,11 @@ def read_mesh(path: str | Path, *, process: bool = False) -> "trimesh.Trimesh":
         if triangles > MOST_TRIANGLES:
             raise ValueError(f"it holds {triangles} triangles; at most {MOST_TRIANGLES} are read")
         mesh = scene.to_mesh()
-        bad = len(mesh.faces) > 0 and not 0 <= int(mesh.faces.min()) <= int(mesh.faces.max()) < len(mesh.vertices)
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # trimesh's readers raise whatever they meet
         raise _unreadable(path, "mesh", error) from error
-    if bad or not len(mesh.faces):
+    fits = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and faces.size
+    if not fits or not 0 <= int(faces.min()) <= int(faces.max()) < len(vertices):
         raise ValueError(f"the mesh {path} holds no triangles, or some without vertices. Export it as a triangle mesh.")
     return mesh
 

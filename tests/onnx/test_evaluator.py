@@ -1,5 +1,6 @@
 """The front to the runtime: what it takes, what it gives back, and what it says about the rest."""
 
+import os
 import resource
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from hostile import damaged
 from onnx import TensorProto, helper
 
 from torchms.onnx import Evaluator, seal
@@ -107,6 +109,46 @@ def test_files_that_are_not_ours(tmp_path: Path, exported_file: File) -> None:
     path = tmp_path / "resaved.onnx"
     path.write_bytes(resaved.SerializeToString())
     assert Evaluator(path, verify=False).metadata["mine"] == "1"
+
+
+def test_damaged_files(tmp_path: Path, exported_file: File, seed: int) -> None:
+    """Cut anywhere, or with any bit changed: the seal tells, before the runtime sees it."""
+    good = exported_file("beckmann-pdf").read_bytes()
+    path = tmp_path / "x.onnx"
+    for content in damaged(good, seed):
+        path.write_bytes(content)
+        if content == good:
+            continue
+        with pytest.raises(ValueError, match=r"x\.onnx (is damaged|was not written|is of format)"):
+            Evaluator(path)
+
+
+def test_forged_files_with_a_seal(tmp_path: Path, exported_file: File) -> None:
+    """Anybody can put a seal on a file: what it then refers to, or says about itself, is refused all the same."""
+    path, secret = tmp_path / "x.onnx", tmp_path / "secret.bin"
+    secret.write_bytes(bytes(4))
+
+    def says(words: str) -> None:
+        with pytest.raises(ValueError, match=words):
+            Evaluator(path)
+
+    weight = TensorProto(name="w", dims=[1], data_type=TensorProto.FLOAT, data_location=TensorProto.EXTERNAL)
+    weight.external_data.add(key="location", value=secret.name)
+    value = [helper.make_tensor_value_info(n, TensorProto.FLOAT, [None]) for n in "xy"]
+    graph = helper.make_graph([helper.make_node("Add", ["x", "w"], ["y"])], "g", value[:1], value[1:], [weight])
+    path.write_bytes(seal.sealed(helper.make_model(graph).SerializeToString()))
+    says(r"x\.onnx refers to data in other files")
+    for forged in ("[", "[]]", '{"a": 1}', "[1]", '[{"name": "x"}]', "[" * 100_000):
+        model = onnx.load_model_from_string(exported_file("beckmann-pdf").read_bytes())
+        kept = [entry for entry in model.metadata_props if entry.key != seal.KEY.decode()]
+        texts = {entry.key: entry.value for entry in kept} | {"torchms.inputs": forged}
+        del model.metadata_props[:]
+        for key, text in texts.items():
+            model.metadata_props.add(key=key, value=text)
+        path.write_bytes(seal.sealed(model.SerializeToString()))
+        says("what it says of its inputs and outputs cannot be read")
+    os.truncate(path, (1 << 28) + 1)
+    says(r"is of 268435457 bytes; at most 268435456 are read")
 
 
 @pytest.mark.parametrize("argument,value", [("threads", 0), ("threads", 1.5), ("block", 0)])

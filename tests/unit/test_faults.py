@@ -4,7 +4,6 @@ import io
 import json
 import multiprocessing
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -19,32 +18,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from hostile import FLIPS, TRUNCATIONS, damaged
 
 from torchms.approximations import AlbedoTable
 from torchms.archives import read_arrays
 from torchms.files import check_writable, write_whole
 from torchms.microsurface import GaussianSurfaces, Lambertian, simulate
 from torchms.microsurface.grid_walk import GridTracer
-
-TRUNCATIONS, FLIPS = 60, 240
-
-
-def damaged(content: bytes, seed: int) -> list[bytes]:
-    """Cut anywhere, and with one bit or a run of bytes changed anywhere; half of the changes where the headers are."""
-    rng = random.Random(seed)
-    found = [content[: rng.randrange(len(content))] for _ in range(TRUNCATIONS)]
-    for i in range(FLIPS):
-        where = (
-            rng.randrange(len(content))
-            if i % 2
-            else rng.choice([rng.randrange(400), len(content) - 1 - rng.randrange(400)])
-        )
-        changed = bytearray(content)
-        changed[where] ^= 1 << rng.randrange(8)
-        if i % 5 == 0:
-            changed[where : where + 8] = rng.randbytes(len(changed[where : where + 8]))
-        found.append(bytes(changed))
-    return found
 
 
 def test_damaged_albedo_tables(tmp_path, messages, seed):
@@ -76,7 +56,7 @@ def test_damaged_shards_are_traced_again(tmp_path, seed):
     right = run()
     shard = sorted(tmp_path.glob("shard-*.npz"))[0]
     good = shard.read_bytes()
-    for content in damaged(good, seed)[:: (TRUNCATIONS + FLIPS) // 60]:
+    for content in damaged(good, seed, 12, 48):
         shard.write_bytes(content)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
