@@ -72,8 +72,9 @@ FRESNELS: dict[str, Callable[[], Fresnel]] = {
     "ideal": Ideal,
     "conductor": lambda: Conductor([0.2, 0.9, 1.2], [3.9, 2.5, 2.2]),
     "schlick": lambda: Schlick([0.04, 0.5, 1.0]),
+    "dielectric": lambda: Dielectric(1.5),
 }
-"""What a conductor's slot takes. (`Dielectric` fits too; its law is that of glass.)"""
+"""What a conductor's slot takes; of a dielectric, what is refracted is lost."""
 
 MATERIALS: dict[str, Callable[[MicrofacetDistribution, Scattering], BSDF]] = {
     **{

@@ -9,16 +9,19 @@ from torch.func import functional_call, grad, jacfwd, jacrev, vmap
 from torchms import (
     BSDF,
     GGX,
+    GTR,
     Beckmann,
     Bidirectional,
     Correlated,
     HeightWalk,
     Invariance,
+    KullaConty,
     RoughConductor,
     RoughDielectric,
     RoughDiffuse,
     SingleBounce,
     Stream,
+    Turquin,
     Unidirectional,
 )
 from torchms.fresnel import Dielectric, Schlick
@@ -29,6 +32,9 @@ SURFACES = {
     "bidirectional": lambda a: RoughConductor(Beckmann(a, 0.4), Schlick([0.5, 0.9]), Bidirectional(Correlated(), 3)),
     "glass": lambda a: RoughDielectric(GGX(a, 0.4), Dielectric(1.5), HeightWalk(3)),
     "chalk": lambda a: RoughDiffuse(GGX(a, 0.4), [0.5, 0.9], HeightWalk(3)),
+    "gtr": lambda a: RoughConductor(GTR(a, 1.5), Schlick([0.5, 0.9]), SingleBounce()),
+    "kulla-conty": lambda a: RoughConductor(GGX(a, 0.4), Schlick([0.5, 0.9]), KullaConty()),
+    "turquin": lambda a: RoughConductor(Beckmann(a, 0.4), Schlick([0.5, 0.9]), Turquin()),
 }
 WI, WO = direction(0.9), direction(1.1, 2.0)
 

@@ -9,20 +9,27 @@ from typing import NamedTuple
 
 import pytest
 import torch
-from cases import DISTRIBUTIONS, SEGMENTS, each
+from cases import DISTRIBUTIONS, ELLIPTIC, SCATTERINGS, each
 from torch import Tensor
 
-from torchms import Bidirectional, HeightWalk, RoughConductor, RoughDielectric, RoughDiffuse, Scattering, Unidirectional
+from torchms import RoughConductor, RoughDielectric, RoughDiffuse, Scattering
+from torchms.estimators.base import PathTracer
 from torchms.fresnel import Conductor, Dielectric, Schlick
 from torchms.testing import estimate, p_value, z_score
 
 MAX_ORDER = 3
 
-ESTIMATORS: dict[str, Callable[[bool | None], Scattering]] = {
-    **{f"unidirectional-{n}": lambda a, s=s: Unidirectional(s(), MAX_ORDER, a) for n, s in SEGMENTS.items()},
-    **{f"bidirectional-{n}": lambda a, s=s: Bidirectional(s(), MAX_ORDER, a) for n, s in SEGMENTS.items()},
-    "height-walk": lambda a: HeightWalk(MAX_ORDER, a),
-}
+ESTIMATORS = [name for name in SCATTERINGS if name != "single"]
+"""What is estimated; one bounce is a closed form."""
+
+
+def estimator_of(name: str, attached: bool | None) -> Scattering:
+    """The estimator of this name, with directions that follow in gradients or are held."""
+    scattering = SCATTERINGS[name](MAX_ORDER)
+    assert isinstance(scattering, PathTracer)
+    scattering.attached = attached
+    return scattering
+
 
 MATERIALS = {
     "conductor": (lambda d, s, eta, k: RoughConductor(d, Conductor(eta, k), s), {"eta": 0.4, "k": 3.0}),
@@ -56,7 +63,7 @@ class Problem(NamedTuple):
         ax, ay, *numbers, iy, ix, oy, ox = values.values()
         facets = DISTRIBUTIONS[self.distribution](ax, ay)
         numbers = [number[:, None] for number in numbers]
-        surface = MATERIALS[self.material][0](facets, ESTIMATORS[self.estimator](self.attached), *numbers)
+        surface = MATERIALS[self.material][0](facets, estimator_of(self.estimator, self.attached), *numbers)
         u = surface.uniforms((len(ax),), 1, generator=generator)
         return surface.orders(turned(self.wi, iy, ix), turned(self.wo, oy, ox), u)[..., 0]
 
@@ -118,17 +125,23 @@ def compared(problem: Problem, n: int, seed: int, common: bool, order: int = 2) 
     return p_value(z), lambda i: f"{names[i // MAX_ORDER]}, order {i % MAX_ORDER + 1}"
 
 
-@pytest.mark.parametrize("material,estimator", PAIRS, ids=["-".join(pair) for pair in PAIRS])
-def test_gradients_of_values(material, estimator, seed, budget):
-    """GGX, whose density jumps at the horizon; common random numbers."""
-    problem = Problem(material, estimator, "ggx", *directions(material, False))
+CASES = [pytest.param(*pair, "ggx", id="-".join(pair)) for pair in PAIRS]
+CASES += [
+    pytest.param("conductor", e, "gtr", id=f"{e}-gtr", marks=pytest.mark.slow) for e in ("invariance", "height-walk")
+]
+
+
+@pytest.mark.parametrize("material,estimator,distribution", CASES)
+def test_gradients_of_values(material, estimator, distribution, seed, budget):
+    """GGX, whose density jumps at the horizon, and, slow, GTR; common random numbers."""
+    problem = Problem(material, estimator, distribution, *directions(material, False))
     budget(*compared(problem, 3_000 if "bidirectional" in estimator else 6_000, seed, common=True))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("common", [True, False], ids=["common", "independent"])
 @pytest.mark.parametrize("material,estimator", PAIRS, ids=["-".join(pair) for pair in PAIRS])
-@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+@pytest.mark.parametrize("distribution", ELLIPTIC)
 def test_gradients_of_values_precisely(material, estimator, distribution, common, seed, budget):
     """More paths, differences of fourth order; glass from above to below, too."""
     p, labels = [], []

@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from cases import DISTRIBUTIONS, direction, each
+from cases import COMPENSATIONS, DISTRIBUTIONS, ELLIPTIC, direction, each
 from torch import Tensor
 from torch.autograd import gradgradcheck
 
@@ -54,3 +54,16 @@ def test_single_bounce(distribution, side):
     if side == 1:
         assert gradgradcheck(metal, (*leaves(0.6, 0.35, [0.4], [3.0]), wi, wo), atol=1e-5, rtol=1e-4)
     assert gradgradcheck(glass, (*leaves(0.6, 0.35, 1.5), wi, wo), atol=1e-5, rtol=1e-4)
+
+
+@each("scattering", COMPENSATIONS)
+@each("distribution", ELLIPTIC)
+def test_compensations(scattering, distribution):
+    """forward of a metal in α, η, k and both directions: polynomials of a table."""
+    wi, wo = direction(0.6).requires_grad_(), direction(0.9, 2.5).requires_grad_()
+    model, family = COMPENSATIONS[scattering](2).double(), DISTRIBUTIONS[distribution]
+
+    def metal(ax: Tensor, ay: Tensor, eta: Tensor, k: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+        return RoughConductor(family(ax, ay), Conductor(eta, k), model)(wi, wo)
+
+    assert gradgradcheck(metal, (*leaves(0.6, 0.35, [0.4], [3.0]), wi, wo), atol=1e-5, rtol=1e-4)
