@@ -1,54 +1,20 @@
 """benchmarks/soak.py in a few seconds: processes forked from this one, so that starting again costs nothing."""
 
 import json
-import os
 import random
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import soak
 import tyro
+from forked import Forked
 
 from torchms.microsurface.cli import SimulateOptions, run_simulate
 
 SIMULATION = "--material dielectric --alpha 0.8 --alpha-y 0.3 --theta 1.1 --seed 3 --surfaces 2 --size 128 --rays 1e6"
 OPTIONS = [*SIMULATION.split(), "--tracer", "grid", "--threads", "1", "--no-progress", "--force"]
-
-
-class Forked:
-    """A copy of this process that does one thing and ends."""
-
-    def __init__(self, work: Callable[[], object]) -> None:
-        self.code: int | None = None
-        self.pid = os.fork()
-        if self.pid:
-            return
-        code = 1
-        try:
-            null = os.open(os.devnull, os.O_WRONLY)
-            for stream in (1, 2):
-                os.dup2(null, stream)
-            work()
-            code = 0
-        finally:
-            os._exit(code)
-
-    def poll(self) -> int | None:
-        return self._ended(os.WNOHANG)
-
-    def wait(self, timeout: float | None = None) -> int:
-        code = self._ended(0)
-        assert code is not None
-        return code
-
-    def _ended(self, how: int) -> int | None:
-        if self.code is None:
-            ended, status = os.waitpid(self.pid, how)
-            self.code = os.waitstatus_to_exitcode(status) if ended else None
-        return self.code
 
 
 def run(options: list[str]) -> None:

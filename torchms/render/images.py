@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -69,8 +70,18 @@ def exr_bytes(pixels: Tensor) -> bytes:
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / "picture.exr")
-        with OpenEXR.File(header, {"RGB": pixels.float().contiguous().numpy()}) as file:
-            file.write(name)
+        values = pixels.float().contiguous().numpy()
+        try:
+            with OpenEXR.File(header, {"RGB": values}) as file:
+                file.write(name)
+            with OpenEXR.File(name) as file:  # the library does not say that a disk was full: it writes what fits
+                whole = np.array_equal(file.channels()["RGB"].pixels, values, equal_nan=True)
+        except (RuntimeError, LookupError):
+            whole = False
+        if not whole:
+            raise OSError(
+                f"an .exr of {values.nbytes} bytes could not be made in {tempfile.gettempdir()}. Make room there."
+            )
         return Path(name).read_bytes()
 
 

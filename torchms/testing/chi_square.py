@@ -1,5 +1,6 @@
 """Directions against the density they are said to have."""
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -7,6 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from torchms.files import check_writable, write_whole
 from torchms.testing.quadrature import sphere_cells
 
 LEAST = 5.0
@@ -84,8 +86,10 @@ def chi_square(
     The density's integral over each cell is adaptive quadrature; it must be 1 in all, to 1e-3: a density that misses a
     part of the sphere fails, it is not rescaled. Where p is below `level`, counts, expected ones and their difference in
     standard deviations are drawn to the file `picture`, if it is given (which needs matplotlib).
-    Raises ValueError if the density does not integrate to 1.
+    Raises ValueError if the density does not integrate to 1, OSError if the picture cannot be written.
     """
+    if picture is not None:
+        check_writable(picture, force=True)
     comparison = compared(directions, density, bins, tolerance)
     if not abs(comparison.total - 1) <= 1e-3:
         raise ValueError(f"chi_square(density=...) must integrate to 1 over the sphere; got {comparison.total:.6f}.")
@@ -106,4 +110,6 @@ def draw_cells(picture: str | Path, counts: Tensor, expected: Tensor, title: str
         image = axes.imshow(values.numpy(), origin="lower", extent=(0, 360, -1, 1), aspect="auto", **scale)
         axes.set(title=name, xlabel="φ [°]", ylabel="cos θ")
         figure.colorbar(image, ax=axes)
-    figure.savefig(Path(picture), dpi=120)
+    content = io.BytesIO()
+    figure.savefig(content, format=Path(picture).suffix[1:] or "png", dpi=120)
+    write_whole(picture, content.getvalue(), force=True)

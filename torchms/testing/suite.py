@@ -8,6 +8,7 @@ from torch import nn
 
 from torchms.bsdfs.base import BSDF
 from torchms.distributions.base import MicrofacetDistribution
+from torchms.files import check_writable
 from torchms.paths.segment import Segment
 from torchms.sampling.uniforms import generator_for
 from torchms.testing.distribution_laws import distribution_laws
@@ -42,7 +43,7 @@ def law_suite(
     is the same every time. level: probability that some statistical test fails although all laws hold. picture: a file
     that shows the last chi² that failed (needs matplotlib). A law that does not hold raises nothing, nor does an object
     that raises: that law has failed, with the message as its note. Takes 5 to 60 s.
-    Raises TypeError for a `subject` of another kind.
+    Raises TypeError for a `subject` of another kind, OSError if the picture cannot be written.
     """
     kinds = (BSDF, MicrofacetDistribution, Segment)
     if not isinstance(subject, kinds):
@@ -51,7 +52,7 @@ def law_suite(
             "A scattering or a Fresnel term is tried inside a BSDF."
         )
     generator = generator_for(seed)
-    drawn = None if picture is None else Path(picture)
+    drawn = None if picture is None else check_writable(picture, force=True)
     checks = list(_checks(plain(subject), samples, generator, drawn))
     share = sidak(level, max(1, chances(checks)))
     return Report(_title(subject), tuple(tried(check, share) for check in checks))
