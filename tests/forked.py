@@ -15,8 +15,9 @@ class Forked:
             return
         code = 1
         try:
-            sys.stdout = sys.stderr = open(os.devnull, "w")
-            found = work()
+            with open(os.devnull, "w") as null:
+                sys.stdout = sys.stderr = null
+                found = work()
             code = found if isinstance(found, int) else 0
         finally:
             os._exit(code)

@@ -116,6 +116,13 @@ def test_random_numbers_come_from_one_place():
     assert found == ["torchms/sampling/uniforms.py"]
 
 
+def test_files_of_others_are_read_in_one_place():
+    """Where sizes are checked before they are believed."""
+    calls = re.compile(r"Image\.open\(|\btrimesh\.load|\bnp\.(load|fromfile|memmap|genfromtxt|loadtxt)\(")
+    found = [str(p.relative_to(ROOT)) for p in SOURCES if calls.search(p.read_text())]
+    assert found == ["torchms/archives.py", "torchms/inputs.py"]
+
+
 def test_every_citation_has_a_source():
     readme = (ROOT / "README.md").read_text()
     sources = set(CITATION.findall(readme[readme.index("## Sources") :]))
