@@ -7,7 +7,7 @@ Each round is a simulation of its own. Its starts, one process or now and then t
   shard     the moment a shard is there, between one and the next;
 until one of them is done. Then the same simulation runs once without a checkpoint, and all numbers are compared.
 
-    python benchmarks/soak.py --minutes 60                   # about 90 min on one core; results/soak.json after each round
+    python benchmarks/soak.py --minutes 60    # and as long again for the calm runs, at most; JSON after each round
 """
 
 import argparse

@@ -58,10 +58,7 @@ def read_mesh(path: str | Path, *, process: bool = False) -> "trimesh.Trimesh":
 
     ValueError also for a suffix that is not among `MESHES`, for no triangles at all and for faces without vertices.
     """
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError("Meshes need trimesh: pip install trimesh embreex.") from error
+    trimesh = import_trimesh()
     suffix = Path(path).suffix.lower()
     if suffix not in MESHES:
         raise ValueError(f"the mesh {path} must end in one of {', '.join(MESHES)}. Convert it first.")
@@ -84,6 +81,15 @@ def read_mesh(path: str | Path, *, process: bool = False) -> "trimesh.Trimesh":
     if not fits or not 0 <= int(faces.min()) <= int(faces.max()) < len(vertices):
         raise ValueError(f"the mesh {path} holds no triangles, or some without vertices. Export it as a triangle mesh.")
     return mesh
+
+
+def import_trimesh() -> Any:
+    """trimesh, or an ImportError that says how to get it."""
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError("Meshes need trimesh: pip install trimesh embreex numba.") from error
+    return trimesh
 
 
 def _check_glb(content: bytes) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from torchms.archives import read_array
 from torchms.files import check_writable, write_whole
-from torchms.inputs import MESHES, MOST_PIXELS, read_image
+from torchms.inputs import MESHES, MOST_PIXELS, import_trimesh, read_image
 from torchms.inputs import read_mesh as read_triangles
 
 if TYPE_CHECKING:
@@ -139,15 +139,6 @@ def export(surface: "Heightfield", path: str | Path, *, force: bool) -> None:
         allowed = ", ".join((".npy", *MESHES))
         raise ValueError(f"Heightfield.export(path=...) must end in one of {allowed}; got {path}.")
     write_whole(path, content, force)
-
-
-def import_trimesh() -> Any:
-    """trimesh, or an ImportError that says how to get it."""
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError("Meshes need trimesh: pip install trimesh embreex numba.") from error
-    return trimesh
 
 
 def _check_readable(path: str | Path) -> None:
