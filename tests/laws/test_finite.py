@@ -93,3 +93,18 @@ def test_values_and_gradients_are_finite(material, scattering, distribution, dty
 def rows_of(value: Tensor) -> list[int]:
     """The first rows that hold something that is not finite."""
     return (~value.isfinite()).reshape(len(value) if value.ndim else 1, -1).any(1).nonzero()[:6, 0].tolist()
+
+
+@models()
+@each("dtype", DTYPES)
+def test_many_orders_at_the_ends_of_the_numbers(material, scattering, dtype):
+    """Ten orders with all numbers 0, and all next to 1: products along a path may leave the range of a float, unseen."""
+    precision = DTYPES[dtype]
+    surface = bsdf(material, scattering, alpha=(0.5, 0.3), max_order=10, dtype=precision)
+    leaves = list(parameters(surface).values())
+    w = torch.stack([direction(0.0), direction(0.7), direction(1.5), direction(2.5)]).to(precision)
+    wi, wo = w.repeat_interleave(4, 0).requires_grad_(), w.repeat(4, 1).requires_grad_()
+    for number in (0.0, 1 - torch.finfo(precision).eps / 2):
+        value = surface.orders(wi, wo, torch.full((1, surface.n_uniforms), number, dtype=precision))
+        gradients = torch.autograd.grad(value.sum(), [wi, wo, *leaves], allow_unused=True)
+        assert all(x is None or bool(x.isfinite().all()) for x in (value, *gradients))

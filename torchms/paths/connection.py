@@ -7,7 +7,7 @@ multiplies the density by pr_{s+1} / pf_s. Both sums over the other ways are car
 
 from torch import Tensor
 
-from torchms.numerics import safe_div
+from torchms.numerics import safe_div, smallest
 from torchms.paths.vertex import Densities
 
 
@@ -17,7 +17,11 @@ def extend_others(others: Tensor | None, densities: Densities) -> Tensor:
     α_s = (1 + pr_s α_{s−1}) / pf_s with α_0 = 0 (None).
     """
     once = safe_div(densities.forward.new_ones(()), densities.forward)
-    return once if others is None else once + safe_div(densities.backward, densities.forward) * others
+    if others is None:
+        return once
+    # A long product of large ratios overflows where its weight is 0; the gradient of that 0 must not be 0 times infinity.
+    total = once + safe_div(densities.backward, densities.forward) * others
+    return total.clamp_max(1 / smallest(total.dtype))
 
 
 def balance(densities: Densities, forward: Tensor | None, backward: Tensor | None) -> Tensor | None:
