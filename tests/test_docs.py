@@ -8,11 +8,13 @@ from pathlib import Path
 import pytest
 
 PAGE = (Path(__file__).parent.parent / "docs" / "api.md").read_text()
+PARTS = ("approximations", "fresnel", "lobes", "microsurface", "onnx", "render")
+PACKAGES = ("torchms", *(f"torchms.{part}" for part in PARTS))
 NAMED = set(re.findall(r"\.\. auto\w+:: ([\w.]+)", PAGE))
 
 
 def test_every_public_name_has_an_entry() -> None:
-    for package in ("torchms", "torchms.fresnel", "torchms.lobes", "torchms.onnx", "torchms.approximations"):
+    for package in PACKAGES:
         for name in import_module(package).__all__:
             public = getattr(import_module(package), name)
             if not (inspect.ismodule(public) or name == "__version__"):

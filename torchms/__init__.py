@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from torchms.version import __version__
 
 if TYPE_CHECKING:
-    from torchms import fresnel, lobes, microsurface
+    from torchms import approximations, fresnel, lobes, microsurface, onnx, render, testing
     from torchms.approximations import KullaConty, Turquin
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
     from torchms.citations import cite
@@ -47,7 +47,7 @@ _HOME = {
     "constrain": "parametrize",
     "set_validation": "validation",
 }
-_MODULES = ("fresnel", "lobes", "microsurface")
+_MODULES = ("approximations", "fresnel", "lobes", "microsurface", "onnx", "render", "testing")
 
 __all__ = [
     "BSDF",
@@ -71,13 +71,17 @@ __all__ = [
     "Uncorrelated",
     "Unidirectional",
     "__version__",
+    "approximations",
     "cite",
     "compile",
     "constrain",
     "fresnel",
     "lobes",
     "microsurface",
+    "onnx",
+    "render",
     "set_validation",
+    "testing",
 ]
 
 

@@ -1,6 +1,5 @@
 """Parameters of a batch: how a module checks, stores and slices the numbers that describe a surface."""
 
-import copy
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -146,7 +145,14 @@ def describe(module: nn.Module) -> str:
         if value is None:
             continue
         if value.numel() <= 4 and not value.is_meta:
-            parts.append(f"{name}={copy.deepcopy(value.detach()).tolist()}")
+            parts.append(f"{name}={_short(value.detach().tolist())}")
         else:
             parts.append(f"{name}=<{tuple(value.shape)}>")
     return ", ".join(parts)
+
+
+def _short(number: float | list[Any]) -> str:
+    """Numbers, nested or not, to six significant digits: 0.3 for the float32 nearest to it."""
+    if isinstance(number, list):
+        return f"[{', '.join(_short(each) for each in number)}]"
+    return repr(float(f"{number:.6g}"))

@@ -5,10 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import onnxruntime
 import pytest
 
-from torchms import GTR
-from torchms.onnx import Evaluator
+from torchms import GGX, GTR, Correlated, RoughConductor, Unidirectional
+from torchms.fresnel import Ideal
+from torchms.onnx import Evaluator, export
 from torchms.onnx.command import build, run_export
 from torchms.onnx.options import ExportOptions
 
@@ -31,6 +33,17 @@ def test_export_and_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "rel p99.9" in said and "inputs wi, wo, alpha" in said and "| ok |" in said
     assert Evaluator(path).metadata["torchms.what"] == "forward"
     assert json.loads(table.read_text())["parity"]["misses"] == 0
+
+
+def test_free_axes_have_names(tmp_path: Path) -> None:
+    """A reader of the file, without torchms, sees which axis is the batch and which the paths."""
+    surface = RoughConductor(GGX(0.3), Ideal(), Unidirectional(Correlated(), max_order=2))
+    path = export(surface, tmp_path / "a.onnx", what="orders", parameters=("alpha",), n_paths=None)
+    session = onnxruntime.InferenceSession(path)
+    shapes = {each.name: each.shape for each in (*session.get_inputs(), *session.get_outputs())}
+    direction = ["batch", 3]
+    u = ["batch", "paths", surface.n_uniforms]
+    assert shapes == {"wi": direction, "wo": direction, "u": u, "alpha": ["batch"], "orders": ["batch", 2, 1]}
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """From options to files: pictures on disk, and what is said about options that do not fit."""
 
+import sys
+
 import pytest
 import torch
 import trimesh
@@ -32,6 +34,13 @@ def test_exr_keeps_every_bit_and_png_every_level(tmp_path, generator):
     assert torch.equal(read_picture(tmp_path / "b.png"), read_picture(tmp_path / "a.png"))
     write_picture(tmp_path / "c.png", pixels * 50, tone="filmic")
     assert read_picture(tmp_path / "c.png").max() <= 1
+
+
+@pytest.mark.parametrize("module,suffix", [("PIL", ".png"), ("OpenEXR", ".exr")])
+def test_what_writes_pictures_is_named_where_it_is_missing(module, suffix, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ImportError, match=rf"{suffix} files: pip install 'torchms\[render\]'"):
+        write_picture(tmp_path / f"a{suffix}", torch.zeros(2, 3, 3))
 
 
 def test_pictures_with_one_channel_or_none(tmp_path):

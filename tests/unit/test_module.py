@@ -101,5 +101,7 @@ def test_the_first_bad_element_is_named():
 
 def test_repr_shows_the_numbers():
     assert describe(GGX(torch.rand(9, 9) + 0.1)) == "alpha=<(9, 9)>"
+    assert describe(GGX(0.3, 0.1)) == "alpha=0.3, alpha_y=0.1"
+    assert describe(Conductor([0.2, 1 / 3], 3)) == "eta=[0.2, 0.333333], k=[3.0]"
     text = repr(RoughDielectric(GGX(0.5, 0.25), Dielectric(1.5)))
     assert "alpha=0.5, alpha_y=0.25" in text and "eta=1.5" in text and "max_order=8" in text and "radiance" in text

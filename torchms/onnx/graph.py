@@ -118,11 +118,11 @@ class Graph(nn.Module):
                 known[slot.name] = value.reshape(-1)[0].expand(rows).clone()
         return tuple(known[name] for name in self.input_names)
 
-    def dynamic_shapes(self) -> tuple[dict[int, Any], ...]:
-        """Which axes are free: the batch, and the paths of `u` if their number was not given."""
-        free = torch.export.Dim.DYNAMIC
+    def dynamic_shapes(self) -> tuple[dict[int, str], ...]:
+        """Names of the axes that are free: the batch, and the paths of `u` if their number was not given."""
         return tuple(
-            {0: free, 1: free} if name == "u" and self.n_paths is None else {0: free} for name in self.input_names
+            {0: "batch", 1: "paths"} if name == "u" and self.n_paths is None else {0: "batch"}
+            for name in self.input_names
         )
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:

@@ -55,8 +55,10 @@ def write_picture(
     if path.suffix.lower() == ".exr":
         write_whole(path, exr_bytes(pixels), force)
         return
-    from PIL import Image
-
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise ImportError("torchms.render needs Pillow for .png files: pip install 'torchms[render]'.") from error
     exposed = pixels.double() * 2.0**exposure
     encoded = srgb(filmic(exposed) if tone == "filmic" else exposed)
     content = io.BytesIO()

@@ -17,7 +17,7 @@ class RenderOptions:
     """slab, sphere or plane, or a mesh file (.obj, .ply, .stl, .off, .glb)."""
     out: str
     """Where the picture goes: .png (tone-mapped) or .exr (linear)."""
-    bsdf: str = "RoughConductor(GGX(0.3), Conductor.metal('Au'), Bidirectional(Invariance(), max_order=8))"
+    bsdf: str = 'RoughConductor(GGX(0.3), Conductor.metal("Au"), Bidirectional(Invariance(), max_order=8))'
     """The surface, as it is written in Python; torchms and torchms.fresnel have the names."""
     light: str = "directional"
     """directional, constant (the same from everywhere: a furnace), or a latitude-longitude map (.exr, .png)."""
