@@ -4,6 +4,7 @@ import glob
 import json
 import os
 import tempfile
+from contextlib import suppress
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import IO, Any
@@ -49,15 +50,13 @@ def remove_leftovers(folder: Path, names: str) -> int:
     Whoever writes holds a lock, which the system takes back when he dies: a file that can be locked is nobody's.
     """
     found = 0
-    for entry in list(os.scandir(folder)):
-        if fnmatch(entry.name, f".{names}.????????.part") and entry.is_file(follow_symlinks=False):
-            try:
-                with open(entry.path, "rb+") as file:
+    with suppress(OSError):  # a folder may be writable and yet not readable
+        for entry in list(os.scandir(folder)):
+            if fnmatch(entry.name, f".{names}.????????.part") and entry.is_file(follow_symlinks=False):
+                with suppress(OSError), open(entry.path, "rb+") as file:  # finished meanwhile, or another user's
                     if _locked(file, wait=False):
                         os.unlink(entry.path)
                         found += 1
-            except OSError:  # finished or removed meanwhile, or another user's
-                continue
     return found
 
 
