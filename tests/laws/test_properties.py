@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import torch
-from cases import METHODS, bsdf, serves
+from cases import COMPENSATIONS, METHODS, SCATTERINGS, bsdf, serves
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
@@ -14,24 +14,25 @@ from torchms.fresnel import Conductor, Dielectric, Schlick
 
 quick = settings(deadline=None, derandomize=True, max_examples=40)
 
-SCATTERINGS = ("single", "uncorrelated", "correlated", "invariance", "height-walk", "kulla-conty", "turquin")
-MATERIALS = ("conductor[conductor]", "conductor[schlick]", "dielectric", "diffuse")
+MATERIALS = ("conductor[conductor]", "conductor[schlick]", "conductor[dielectric]", "dielectric", "diffuse")
 
 methods = st.sampled_from(sorted(METHODS))
 sizes = st.lists(st.integers(0, 3), max_size=3).map(tuple)
 seeds = st.integers(0, 2**31 - 1)
 dtypes = st.sampled_from([torch.float32, torch.float64])
+indices = st.floats(math.log(1e-6), math.log(1e6)).map(math.exp).map(lambda n: min(max(n, 1e-6), 1e6))
 alphas = st.floats(math.log(1e-3), math.log(2.0)).map(math.exp).map(lambda a: min(max(a, 1e-3), 2.0))
 
 
-PAIRS = [(m, s) for m in MATERIALS for s in SCATTERINGS if serves(m, s)]
+PAIRS = [(m, s) for m in MATERIALS for s in (*SCATTERINGS, *COMPENSATIONS) if serves(m, s)]
+PAIRS += [("dielectric", name) for name in COMPENSATIONS]
 
 
 @st.composite
 def surfaces(draw: st.DrawFn) -> dict[str, Any]:
     """What `bsdf` takes: any material, scattering, distribution, roughness and dtype."""
     material, scattering = draw(st.sampled_from(PAIRS))
-    round_only = scattering in ("kulla-conty", "turquin") and material == "dielectric"
+    round_only = scattering in COMPENSATIONS and material == "dielectric"
     return {
         "material": material,
         "scattering": scattering,
@@ -160,21 +161,24 @@ def test_any_of_it_may_want_a_gradient(what, method, wanted, seed):
 @quick
 @given(
     st.lists(alphas, min_size=1, max_size=4),
-    st.lists(st.floats(0.34, 3.0).filter(lambda n: abs(n - 1) > 2e-3), min_size=4, max_size=4),
+    st.lists(indices.filter(lambda n: abs(n - 1) > 2e-3), min_size=4, max_size=4),
+    st.lists(st.just(0.0) | indices, min_size=4, max_size=4),
     st.sampled_from(["beckmann", "ggx", "bidirectional"]),
     seeds,
 )
-def test_maps_over_whole_ranges(alpha, eta, kind, seed):
-    """A map of α and η, each row what it is alone."""
+def test_maps_over_whole_ranges(alpha, eta, k, kind, seed):
+    """A map of α, η and k, each row what it is alone; k = 0, and indices of 1e-6 and 1e6, among them."""
     generator = torch.Generator().manual_seed(seed)
     n = len(alpha)
-    a, index = torch.tensor(alpha, dtype=torch.float64), torch.tensor(eta[:n], dtype=torch.float64)
+    a, index, absorption = (torch.tensor(x[:n], dtype=torch.float64) for x in (alpha, eta, k))
     facets = Beckmann if kind == "beckmann" else GGX
     scattering = Bidirectional(Correlated(), 2) if kind == "bidirectional" else HeightWalk(2)
     wi, wo = (unit((n,), generator, torch.float64) for _ in range(2))
     for make in (
         lambda i: RoughDielectric(facets(a[i]), Dielectric(index[i]), scattering),
-        lambda i: RoughConductor(facets(a[i], a.flip(0)[i]), Conductor(index[i][..., None], 3.0), scattering),
+        lambda i: RoughConductor(
+            facets(a[i], a.flip(0)[i]), Conductor(index[i][..., None], absorption[i][..., None]), scattering
+        ),
     ):
         together = make(...)
         u = together.uniforms((n,), 2, generator=generator).double()

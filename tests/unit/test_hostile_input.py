@@ -12,7 +12,7 @@ import torchms
 from torchms import GGX, GTR, Beckmann, Correlated, RoughConductor, RoughDiffuse, SingleBounce, Stream, Unidirectional
 from torchms.fresnel import Conductor, Dielectric, Ideal, Schlick
 from torchms.lobes import measure
-from torchms.testing import furnace, reciprocal_pair
+from torchms.testing import chi_square, chi_square_p_value, furnace, law_suite, reciprocal_pair, sidak
 
 pytestmark = pytest.mark.usefixtures("messages")
 DRAWING = [name for name in METHODS if name != "pdf"]
@@ -174,6 +174,13 @@ def test_meta_tensors_have_shapes(method, generator):
 
 UP, CONDUCTOR = torch.tensor([[0.0, 0.0, 1.0]]), RoughConductor(GGX(0.5), Ideal(), SingleBounce())
 NAN = UP * math.nan
+MANY = nn.functional.normalize(torch.arange(60.0).reshape(20, 3) + 1, dim=-1)
+
+
+def uniform(w: Tensor) -> Tensor:
+    return torch.full((len(w),), 0.25 / math.pi, dtype=w.dtype)
+
+
 REFUSED = {
     "sparse": (lambda: CONDUCTOR.pdf(UP.to_sparse(), UP), TypeError, r"wi must be .*sparse_coo"),
     "array": (lambda: CONDUCTOR.pdf(UP.numpy(), UP), TypeError, r"wi must be .*got ndarray"),
@@ -212,6 +219,47 @@ REFUSED = {
         ValueError,
         r"the batch \(8589934592, 8589934592\) has more than 2\^48 elements",
     ),
+    "no bins": (lambda: chi_square(MANY, uniform, (0, 8)), ValueError, r"bins must be two positive integers.*\(0, 8\)"),
+    "one bin axis": (
+        lambda: chi_square(MANY, uniform, (8,)),
+        ValueError,
+        r"bins must be two positive integers.*\(8,\)",
+    ),
+    "no tolerance": (lambda: chi_square(MANY, uniform, (8, 8), 0.0), ValueError, r"tolerance must be positive; got 0"),
+    "few directions": (lambda: chi_square(MANY[:3], uniform), ValueError, r"directions must be 10 at least.*got 3"),
+    "a NaN among directions": (
+        lambda: chi_square(torch.cat([MANY, NAN]), uniform),
+        ValueError,
+        r"directions must be unit vectors",
+    ),
+    "directions of two": (lambda: chi_square(MANY[:, :2], uniform), ValueError, r"directions must be \(\*batch, 3\)"),
+    "a NaN of the density": (
+        lambda: chi_square(MANY, lambda w: uniform(w) * math.nan, (4, 4)),
+        ValueError,
+        r"integrate to 1.*got nan",
+    ),
+    "a density of another shape": (
+        lambda: chi_square(MANY, lambda w: uniform(w)[:, None], (4, 4)),
+        ValueError,
+        r"must give a Tensor \(n,\)",
+    ),
+    "counts of another sum": (
+        lambda: chi_square_p_value(torch.ones(3), torch.ones(3) * 2),
+        ValueError,
+        r"same sum; got 3 and 6",
+    ),
+    "a furnace of a distribution": (
+        lambda: furnace(GGX(0.5), UP, torch.rand(1, 4, 3)),
+        TypeError,
+        r"takes a BSDF.*GGX",
+    ),
+    "a furnace of one path": (lambda: furnace(CONDUCTOR, UP, torch.rand(1, 1, 3)), ValueError, r"at least 2 samples"),
+    "reciprocity of a distribution": (lambda: reciprocal_pair(GGX(0.5), UP, UP), TypeError, r"takes a BSDF; got GGX"),
+    "a level of 1": (lambda: sidak(1.0, 3), ValueError, r"level must lie in \(0, 1\); got 1"),
+    "no tests": (lambda: sidak(0.01, 0), ValueError, r"tests must be at least 1; got 0"),
+    "a suite of one sample": (lambda: law_suite(GGX(0.5), samples=1), ValueError, r"samples=.*at least 100; got 1"),
+    "a suite's seed": (lambda: law_suite(GGX(0.5), seed=1.5), ValueError, r"seed=.*integer.*got 1\.5"),
+    "a suite's level": (lambda: law_suite(GGX(0.5), level=0.0), ValueError, r"level=.*\(0, 1\); got 0"),
     "NaN, compiled": (lambda: torchms.compile(CONDUCTOR).pdf(NAN, UP), ValueError, r"wi must hold unit vectors"),
     "NaN, furnace": (lambda: furnace(CONDUCTOR, NAN, torch.rand(1, 4, 3)), ValueError, r"wi must hold unit vectors"),
     "NaN, reciprocity": (lambda: reciprocal_pair(CONDUCTOR, UP, NAN), ValueError, r"wo must hold unit vectors"),

@@ -231,6 +231,56 @@ def test_a_wrong_surface_fails_its_law(fault):
     assert laws <= {law.name for law in report.failed}, str(report)
 
 
+# How small a fault may be.
+
+
+def scaled(walks: float, values: Callable[[Vec3], Tensor | float], kind: type = SingleBounce, *arguments: int):
+    """Facets that absorb nothing, whose walks and values are multiplied."""
+
+    class Scaled(kind):
+        def walk(self, vertex, wi: Vec3, u: Sequence[Tensor]):
+            for leg in super().walk(vertex, wi, u):
+                yield leg._replace(weight=walks * leg.weight)
+
+        def evaluate(self, vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
+            return [value * values(wo) for value in super().evaluate(vertex, wi, wo, u)]
+
+    return RoughConductor(GGX(0.6, 0.4), Ideal(), Scaled(*arguments))
+
+
+@dataclass(frozen=True)
+class Slightly(ReflectionProposal):
+    """A density that is 0.2 % too large."""
+
+    def density(self, wi: Vec3, wo: Vec3) -> Tensor:
+        return super().density(wi, wo) * 1.002
+
+
+SMALL: dict[str, tuple[Callable[[], nn.Module], str]] = {
+    "pdf 0.2 % too large": (lambda: proposing(Slightly), "pdf is normalised, θ = 0.4"),
+    "values 4 % above the walks": (lambda: scaled(1.0, lambda wo: 1.04), "sample_walk is the value's, θ = 0.4"),
+    "energy 1 % too large": (lambda: scaled(1.01, lambda wo: 1.01, HeightWalk, 4), "nothing is gained"),
+    "energy 2 % too small": (lambda: scaled(0.98, lambda wo: 0.98, HeightWalk, 8), "white furnace"),
+    "values that lean by 2 %": (lambda: scaled(1.0, lambda wo: 1 + 0.02 * wo.x), "reciprocity"),
+}
+"""As the docstring of `law_suite` says."""
+
+
+@each("fault", SMALL)
+def test_a_small_fault_is_found(fault):
+    make, law = SMALL[fault]
+    report = law_suite(make())
+    assert law in {found.name for found in report.failed}, str(report)
+
+
+def test_no_false_alarm_in_fifty_seeds():
+    """`level`, 1e-4, is the probability of one a suite; and p-values are not too large either."""
+    reports = [law_suite(GGX(0.5, 0.3), samples=1_000, seed=seed) for seed in range(50)]
+    assert not [report for report in reports if report.failed]
+    chances = torch.tensor([law.figure for report in reports for law in report if law.is_chance])
+    assert 0.03 < float((chances < 0.1).double().mean()) < 0.2
+
+
 # The suite itself.
 
 

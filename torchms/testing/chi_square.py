@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from torchms.files import check_writable, write_whole
+from torchms.frame import check_direction
 from torchms.testing.quadrature import sphere_cells
 
 LEAST = 5.0
@@ -21,9 +22,19 @@ LEVEL = 1e-3
 def chi_square_p_value(counts: Tensor, expected: Tensor) -> float:
     """p-value of Pearson's chi² of `counts` against `expected` ones of the same sum.
 
-    Cells that expect fewer than `LEAST` counts are pooled into one.
+    Cells that expect fewer than `LEAST` counts are pooled into one. 0 if something was counted where nothing is expected,
+    or less than nothing is. Raises ValueError if the two have another shape or sum, or hold a NaN.
     """
+    if counts.shape != expected.shape:
+        raise ValueError(
+            f"counts and expected must have the same shape; got {tuple(counts.shape)} and {tuple(expected.shape)}."
+        )
     counts, expected = counts.double().reshape(-1), expected.double().reshape(-1)
+    sums = float(counts.sum()), float(expected.sum())
+    if not abs(sums[0] - sums[1]) <= 1e-6 * abs(sums[0]):
+        raise ValueError(f"counts and expected must have the same sum; got {sums[0]:g} and {sums[1]:g}.")
+    if bool((expected < 0).any()):
+        return 0.0
     small = expected < LEAST
     if bool(small.any()):
         counts = torch.cat([counts[~small], counts[small].sum()[None]])
@@ -66,7 +77,15 @@ class Comparison(NamedTuple):
 def compared(
     directions: Tensor, density: Callable[[Tensor], Tensor], bins: tuple[int, int] = (32, 32), tolerance: float = 1e-4
 ) -> Comparison:
-    """`directions` (n, 3) against `density` (..., 3) → (...) [1/sr], whose integral over each cell is adaptive quadrature."""
+    """`directions` (n, 3) against `density` (n, 3) → (n,) [1/sr], whose integral over each cell is adaptive quadrature.
+
+    Raises TypeError or ValueError for directions that are none, or fewer than `2 * LEAST`.
+    """
+    check_direction(directions, "directions")
+    if directions.numel() < 3 * 2 * LEAST:
+        raise ValueError(f"directions must be {2 * LEAST:g} at least for a chi² test; got {directions.numel() // 3}.")
+    if not bool(((directions.detach().double().norm(dim=-1) - 1).abs() < 1e-2).all()):
+        raise ValueError("directions must be unit vectors; there are others, or NaN, among them.")
     expected = sphere_cells(density, bins, tolerance)
     counts = torch.bincount(cell_index(directions, bins).reshape(-1), minlength=bins[0] * bins[1])
     return Comparison(counts.reshape(bins), expected, float(expected.sum()))
@@ -81,12 +100,13 @@ def chi_square(
     picture: str | Path | None = None,
     level: float = LEVEL,
 ) -> float:
-    """p-value that `directions` (n, 3) were drawn with `density` (..., 3) → (...) [1/sr].
+    """p-value that `directions` (n, 3) were drawn with `density` (n, 3) → (n,) [1/sr].
 
     The density's integral over each cell is adaptive quadrature; it must be 1 in all, to 1e-3: a density that misses a
     part of the sphere fails, it is not rescaled. Where p is below `level`, counts, expected ones and their difference in
     standard deviations are drawn to the file `picture`, if it is given (which needs matplotlib).
-    Raises ValueError if the density does not integrate to 1, OSError if the picture cannot be written.
+    Raises ValueError if directions are no unit vectors or too few, for `bins` or a `tolerance` that are not positive, and
+    if the density does not integrate to 1, OSError if the picture cannot be written.
     """
     if picture is not None:
         check_writable(picture, force=True)

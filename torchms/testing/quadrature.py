@@ -20,7 +20,12 @@ def sphere_cells(
 
     Gauss–Legendre in (θ, φ) on cells that are halved both ways wherever that changes their integral by more than their
     share of `tolerance`, the error that is aimed at in the sum. A peak far narrower than a sixth of a cell may be missed.
+    Raises ValueError for bins or a tolerance that are not positive, or if `function` gives another shape.
     """
+    if len(bins) != 2 or not all(isinstance(n, int) and n > 0 for n in bins):
+        raise ValueError(f"bins must be two positive integers (n_cos, n_phi); got {bins!r}.")
+    if not tolerance > 0:
+        raise ValueError(f"tolerance must be positive; got {tolerance}.")
     n_cos, n_phi = bins
     theta = torch.acos(torch.linspace(-1, 1, n_cos + 1, dtype=torch.float64).clamp(-1, 1))
     phi = torch.linspace(0, 2 * torch.pi, n_phi + 1, dtype=torch.float64)
@@ -65,5 +70,10 @@ def _chunk(function: Callable[[Tensor], Tensor], boxes: Tensor, nodes: Tensor, w
     phi = (c + d) / 2 + (d - c) / 2 * nodes
     sin, cos = theta.sin()[:, :, None], theta.cos()[:, :, None]
     w = torch.stack(torch.broadcast_tensors(sin * phi.cos()[:, None, :], sin * phi.sin()[:, None, :], cos), -1)
-    values = function(w.reshape(-1, 3)).double().reshape(len(boxes), ORDER, ORDER) * sin
+    w = w.reshape(-1, 3)
+    values = function(w)
+    if not isinstance(values, Tensor) or values.shape != w.shape[:1]:
+        found = tuple(values.shape) if isinstance(values, Tensor) else type(values).__name__
+        raise ValueError(f"the function of directions (n, 3) must give a Tensor (n,), n = {len(w)} here; got {found}.")
+    values = values.double().reshape(len(boxes), ORDER, ORDER) * sin
     return ((b - a) * (d - c) / 4)[:, 0] * torch.einsum("bij,i,j->b", values, weights, weights)

@@ -15,8 +15,10 @@ def reciprocal_pair(
 
     wi, wo: (*batch, 3). u, u_back: independent `bsdf.uniforms` (*batch, N, D) for the two ways; a deterministic BSDF needs
     none, its numbers have no error. The numbers are f · |cos θ_i| |cos θ_o| n_i²; in a dielectric of mode "radiance" the way
-    back is divided by n², as the value there is.
+    back is divided by n², as the value there is. Raises TypeError if `bsdf` is none, ValueError if numbers are missing.
     """
+    if not isinstance(bsdf, BSDF):
+        raise TypeError(f"reciprocal_pair(bsdf, ...) takes a BSDF; got {type(bsdf).__name__}.")
     there = _orders(bsdf, wi, wo, u)
     back = _orders(bsdf, wo, wi, u_back)
     return _scaled(there, flux(bsdf, wi, wo)), _scaled(back, flux(bsdf, wo, wi))

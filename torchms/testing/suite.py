@@ -19,6 +19,8 @@ from torchms.testing.surface_laws import surface_laws
 from torchms.testing.zscore import sidak
 
 LEVEL = 1e-4
+LEAST = 100
+"""Fewest samples that the statistical laws can use."""
 
 
 def law_suite(
@@ -42,8 +44,11 @@ def law_suite(
     resolves α of 0.05 and more. samples: directions of each statistical test. seed: of their random numbers; the result
     is the same every time. level: probability that some statistical test fails although all laws hold. picture: a file
     that shows the last chi² that failed (needs matplotlib). A law that does not hold raises nothing, nor does an object
-    that raises: that law has failed, with the message as its note. Takes 5 to 60 s.
-    Raises TypeError for a `subject` of another kind, OSError if the picture cannot be written.
+    that raises: that law has failed, with the message as its note. With 20 000 samples it
+    finds a density that is off by 0.2 %, an energy by 1 to 2 %, values by 4 % from the walks, or a lean of 2 % from
+    reciprocity. Computes for 0.1 to 3 s; for 6 s with Bidirectional of eight orders, 15 s with glass of GTR.
+    Raises TypeError for a `subject` of another kind, ValueError for fewer than 100 `samples`, a `seed` that is no integer
+    of at least 0 or a `level` outside of (0, 1), OSError if the picture cannot be written.
     """
     kinds = (BSDF, MicrofacetDistribution, Segment)
     if not isinstance(subject, kinds):
@@ -51,6 +56,11 @@ def law_suite(
             f"law_suite(subject) takes a BSDF, a MicrofacetDistribution or a Segment; got {type(subject).__name__}. "
             "A scattering or a Fresnel term is tried inside a BSDF."
         )
+    for name, number, least in (("samples", samples, LEAST), ("seed", seed, 0)):
+        if isinstance(number, bool) or not isinstance(number, int) or number < least:
+            raise ValueError(f"law_suite({name}=...) must be an integer of at least {least}; got {number!r}.")
+    if not 0 < level < 1:
+        raise ValueError(f"law_suite(level=...) must lie in (0, 1); got {level!r}.")
     generator = generator_for(seed)
     drawn = None if picture is None else check_writable(picture, force=True)
     checks = list(_checks(plain(subject), samples, generator, drawn))

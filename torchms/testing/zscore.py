@@ -69,7 +69,14 @@ def p_value(z: Tensor) -> Tensor:
 
 
 def sidak(level: float, tests: int) -> float:
-    """Level of each of `tests` independent tests, such that all of them pass with probability 1 − `level`."""
+    """Level of each of `tests` independent tests, such that all of them pass with probability 1 − `level`.
+
+    Raises ValueError unless `level` lies in (0, 1) and `tests` is at least 1.
+    """
+    if not 0 < level < 1:
+        raise ValueError(f"level must lie in (0, 1); got {level}. It is the probability of a false alarm.")
+    if tests < 1:
+        raise ValueError(f"tests must be at least 1; got {tests}.")
     return -math.expm1(math.log1p(-level) / tests)
 
 
