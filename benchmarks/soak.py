@@ -236,14 +236,17 @@ def total(rows: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=60.0, help="of disturbed running")
-    parser.add_argument("--rays", type=float, default=1e7, help="of each simulation")
-    parser.add_argument("--gap", type=float, default=10.0, help="seconds of computing between kills")
+    parser.add_argument("--rays", type=float, default=2e7, help="of each simulation")
+    parser.add_argument("--gap", type=float, default=5.0, help="seconds of computing between kills")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="JSON file instead of results/soak.json")
+    parser.add_argument("--append", action="store_true", help="to the rounds that the JSON holds already")
     options = parser.parse_args()
-    from record import save
+    from record import RESULTS, save
 
-    rng, rows, disturbed_seconds = random.Random(options.seed), [], 0.0
+    out = options.out or RESULTS / "soak.json"
+    rows = json.loads(out.read_text())["rows"][1:] if options.append else []
+    rng, disturbed_seconds = random.Random(options.seed), 0.0
     while disturbed_seconds < 60 * options.minutes:
         plan = f"{ROUNDS[len(rows) % len(ROUNDS)]} {SURFACES} --rays {options.rays} --seed {len(rows)}"
         until = time.monotonic() + 60 * options.minutes - disturbed_seconds
@@ -251,7 +254,7 @@ def main() -> int:
             rows.append(round_of(shlex.split(plan), Path(folder), rng, options.gap, until))
         disturbed_seconds += rows[-1]["seconds"]
         print(json.dumps(rows[-1]), flush=True)
-        save("soak", [total(rows), *rows], options.out)
+        save("soak", [total(rows), *rows], out)
     print(json.dumps(total(rows)))
     return 0 if total(rows)["same"] else 1
 
