@@ -1,6 +1,7 @@
-"""Ten deliberate faults in formulas, one at a time, and the test that catches each: `make mutations`.
+"""Deliberate faults in formulas, one at a time, and the quick test that catches each: `make mutations [words of names]`.
 
-Every fault is made in a copy of the tree in a temporary folder. Exits with 1 if a fault survives, or if its line is gone.
+Every fault is made in a copy of the tree in a temporary folder, where all named tests pass without it. Exits with 1 if a
+fault survives, if its line is gone or if a test fails without a fault.
 """
 
 import os
@@ -97,7 +98,121 @@ FAULTS = (
         "0x846CA68D",
         ("tests/unit/test_stream.py", "-k", "golden"),
     ),
+    Fault(
+        "spline knot",
+        "distributions/gtr_closed.py",
+        "bend = 6 * (y[2:] - 2 * y[1:-1] + y[:-2])",
+        "bend = 6 * (y[2:] - 2 * y[1:-1] + y[1:-1])",
+        ("tests/unit/distributions/test_gtr.py", "-k", "spline"),
+    ),
+    Fault(
+        "sign in Fresnel's equations of a metal",
+        "fresnel/conductor.py",
+        "R_s * (1 - 2 * safe_div(",
+        "R_s * (1 + 2 * safe_div(",
+        ("tests/unit/fresnel/test_fresnel.py", "-k", "complex_formula"),
+    ),
+    Fault(
+        "total reflection forgotten",
+        "fresnel/dielectric.py",
+        "return torch.where(total, 1.0, r_s",
+        "return torch.where(total, 0.0, r_s",
+        ("tests/unit/fresnel/test_fresnel.py", "-k", "dielectric"),
+    ),
+    Fault(
+        "normalisation of Kulla–Conty",
+        "approximations/kulla_conty.py",
+        "table.loss(distribution, wo) / table.mean_loss(distribution)",
+        "table.loss(distribution, wo) * table.mean_loss(distribution)",
+        ("tests/laws/test_compensation.py", "-k", "the_furnace_is_white and ggx"),
+    ),
+    Fault(
+        "factor of Turquin",
+        "approximations/turquin.py",
+        "wi) * ((1 - E) / E))",
+        "wi) * (1 - E))",
+        ("tests/laws/test_compensation.py", "-k", "the_furnace_is_white and ggx"),
+    ),
+    Fault(
+        "escape of the height walk",
+        "paths/height.py",
+        "state.stay * torch.exp(leg.lam * log_U)",
+        "state.stay * torch.exp(2 * leg.lam * log_U)",
+        ("tests/unit/test_segment.py", "-k", "random_heights"),
+    ),
+    Fault(
+        "weight of a proposal's mixture",
+        "sampling/proposals.py",
+        "(1 - q) * single + q * wo.z / math.pi",
+        "q * single + (1 - q) * wo.z / math.pi",
+        ("tests/laws/test_density.py", "-k", "1.0-0.25-ggx-conductor"),
+    ),
+    Fault(
+        "radiance and importance exchanged",
+        "bsdfs/rough_dielectric.py",
+        "(wi.z > 0) == (wo.z > 0), 1.0, 1 / (eta * eta)",
+        "(wi.z > 0) == (wo.z > 0), 1.0, eta * eta",
+        ("tests/laws/test_reciprocity.py", "-k", "radiance_is_importance and correlated"),
+    ),
+    Fault(
+        "split of a path at its highest collision",
+        "paths/segment.py",
+        "splits = range(i, j) if not state.monotone or i == j - 1 else (i, j - 1)",
+        "splits = (i, j - 1) if i < j - 1 else range(i, j)",
+        ("tests/unit/test_segment.py", "-k", "height_walk or refutes"),
+    ),
+    Fault(
+        "share of a block of paths",
+        "blocks.py",
+        "share = (paths.stop - paths.start) / self.n_paths",
+        "share = (paths.stop - paths.start + 1) / self.n_paths",
+        ("tests/unit/test_blocks.py", "-k", "conductor and uncorrelated and forward"),
+    ),
+    Fault(
+        "last element of a compiled block",
+        "compiled.py",
+        "[..., : self.count]",
+        "[..., 1 : self.count + 1]",
+        ("tests/unit/test_compiled.py", "-k", "exchanged"),
+    ),
+    Fault(
+        "last block of the evaluator of a file",
+        "onnx/evaluator.py",
+        "size = min(step, rows - a)",
+        "size = min(step, rows - a - 1)",
+        ("tests/onnx/test_files.py", "-k", "deterministic and conductor-3"),
+    ),
+    Fault(
+        "counter of a stream",
+        "sampling/stream.py",
+        "torch.arange(rows.start, rows.stop, device=device) + (self.seed << 32)",
+        "torch.arange(rows.stop - rows.start, device=device) + (self.seed << 32)",
+        ("tests/unit/test_stream.py", "-k", "row or numbers"),
+    ),
+    Fault(
+        "slope of a constrained parameter",
+        "parametrize.py",
+        "self.low + (self.high - self.low) * torch.sigmoid(x)",
+        "self.low + self.high * torch.sigmoid(x)",
+        ("tests/unit/test_parametrize.py",),
+    ),
 )
+
+
+def first_failure(tree: Path, tests: tuple[str, ...]) -> str:
+    """The first of the quick tests that fails in `tree`; empty if none does."""
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow", *tests],
+        cwd=tree,
+        env=os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode not in (0, 1):
+        raise SystemExit(f"{' '.join(tests)}: the tests did not run\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    found = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", done.stdout, re.M)
+    return found.group(1) if found else ""
 
 
 def caught_by(tree: Path, fault: Fault) -> str:
@@ -108,20 +223,9 @@ def caught_by(tree: Path, fault: Fault) -> str:
         raise SystemExit(f"{fault.name}: {fault.file} has {source.count(fault.right)} times {fault.right!r}, not once")
     file.write_text(source.replace(fault.right, fault.wrong))
     try:
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-m", "not slow", *fault.tests],
-            cwd=tree,
-            env=os.environ | {"PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        return first_failure(tree, fault.tests)
     finally:
         file.write_text(source)
-    if done.returncode not in (0, 1):
-        raise SystemExit(f"{fault.name}: the tests did not run\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
-    found = re.search(r"^FAILED (.*?)(?: - |$)", done.stdout, re.M)
-    return found.group(1) if found else ""
 
 
 def main() -> int:
@@ -134,9 +238,12 @@ def main() -> int:
             shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
         for name in ("setup.cfg", "README.md"):
             shutil.copy(ROOT / name, tree / name)
-        for fault in FAULTS:
-            if wanted and not any(word in fault.name for word in wanted):
-                continue
+        faults = [fault for fault in FAULTS if not wanted or any(word in fault.name for word in wanted)]
+        for tests in dict.fromkeys(fault.tests for fault in faults):
+            if broken := first_failure(tree, tests):
+                raise SystemExit(f"{broken} fails without a fault: nothing that it says of one counts")
+        print(f"without a fault all named tests pass; {len(faults)} faults:", flush=True)
+        for fault in faults:
             start = time.perf_counter()
             test = caught_by(tree, fault)
             survived += not test

@@ -153,8 +153,6 @@ ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scatterin
 ABSTRACT |= {"PathTracer", "Compensated"}
 
 ELSEWHERE = {
-    "Bidirectional": ("laws/test_bidirectional.py", "every law of an estimator, against the other estimators"),
-    "Dielectric": ("unit/fresnel/test_fresnel.py", "a term of its own; as a material it is `dielectric` of the tables"),
     "RandomHeight": ("unit/test_segment.py", "what HeightWalk, which is in the tables, holds"),
     "Stream": ("unit/test_stream.py", "random numbers, no object of the theory"),
 }
