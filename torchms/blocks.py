@@ -104,6 +104,7 @@ def run(
 
     engine = module.engine if n_rows else None
     size = BLOCK if engine is None else engine.block(module)
+    identity = None if engine is None else engine.identify(module)
     row_step = max(1, min(n_rows, size // max(1, n_paths)))
     if LANES < row_step < n_rows:
         row_step -= row_step % LANES
@@ -126,7 +127,7 @@ def run(
                 outputs = kernel(here, *some, numbers)
             else:
                 shape = (paths.stop - paths.start, rows.stop - rows.start)
-                outputs = engine(kernel, here, some, numbers, shape, per_path)
+                outputs = engine(kernel, here, some, numbers, shape, per_path, identity)
             blocks.add(outputs, rows, paths)
     return tuple(out.reshape((*batch, *out.shape[1:])) for out in blocks.results())
 

@@ -20,7 +20,7 @@ from torch.fx.experimental.proxy_tensor import make_fx
 
 from torchms.bsdfs.base import BSDF
 from torchms.frame import Vec3
-from torchms.module import bound
+from torchms.module import bound, structure
 from torchms.sampling.stream import StreamNumbers
 
 B = TypeVar("B", bound=BSDF)
@@ -53,9 +53,10 @@ def compile(bsdf: B, *, verbose: bool = True) -> B:
 
     The first call of each method compiles it (seconds to minutes, shown on stderr if `verbose`); results are cached on
     disk between processes in TORCHINDUCTOR_CACHE_DIR. Any batch shape, number of paths and per-pixel parameter runs
-    through the same machine code, `backward` included. Directions are read fastest where components are contiguous:
-    give `wi3.T` of a (3, n) tensor. Where no C++ compiler works, or the parameters are not on the CPU, warns once and
-    gives back a BSDF that runs eagerly in blocks.
+    through the same machine code, `backward` included, and so does another BSDF of the same classes: one may be built and
+    compiled anew in every step of a training, around what a network gave. Directions are read fastest where components
+    are contiguous: give `wi3.T` of a (3, n) tensor. Where no C++ compiler works, or the parameters are not on the CPU,
+    warns once and gives back a BSDF that runs eagerly in blocks.
     Raises TypeError if `bsdf` is not a BSDF.
     """
     if not isinstance(bsdf, BSDF):
@@ -86,6 +87,12 @@ def _missing_compiler() -> str:
     return ""
 
 
+MOST_PROGRAMS = 256
+
+_programs: dict[tuple[Any, ...], tuple[Callable[..., tuple[Tensor, ...]], list[Any]]] = {}
+"""Compiled kernels of this process, for all BSDFs of the same structure; with what their keys know by identity."""
+
+
 class Engine:
     """Runs the kernels of a BSDF as compiled code, a padded block at a time."""
 
@@ -103,6 +110,11 @@ class Engine:
         """Elements of a block."""
         return BLOCK if bsdf.max_order > 1 else BLOCK_SINGLE
 
+    def identify(self, bsdf: BSDF) -> tuple[tuple[Any, ...], list[Any]]:
+        """What tells the code of `bsdf` from that of others, and the objects in it that are known by identity."""
+        held: list[Any] = []
+        return structure(bsdf, held, without=("engine",)), held
+
     def __call__(
         self,
         kernel: Callable[..., tuple[Tensor, ...]],
@@ -111,8 +123,12 @@ class Engine:
         numbers: Sequence[Tensor],
         shape: tuple[int, int],
         per_path: bool,
+        identity: tuple[tuple[Any, ...], list[Any]],
     ) -> tuple[Tensor, ...]:
-        """What `kernel(bsdf, *directions, numbers)` gives for (N, rows) = `shape` elements, mean over N or per path."""
+        """What `kernel(bsdf, *directions, numbers)` gives for (N, rows) = `shape` elements, mean over N or per path.
+
+        identity: what `identify` gave for the BSDF.
+        """
         columns = _Columns(shape, self.block(bsdf))
         inputs = [columns.of(component) for w in directions for component in w]
         inputs += columns.numbers(numbers)
@@ -128,10 +144,14 @@ class Engine:
         grad = tuple(torch.is_grad_enabled() and x.requires_grad for x in inputs)
         source = (type(numbers), bsdf.n_uniforms, bsdf.dtype, getattr(numbers, "points", None) is not None)
         shapes = tuple((x.dtype, x.shape) for x in inputs)
-        key = (kernel, _structure(bsdf), tuple(layout), shapes, source, grad)
+        key = (kernel, identity[0], tuple(layout), shapes, source, grad)
         if key not in self.compiled:
-            given = (len(directions), source, tuple(layout))
-            self.compiled[key] = self._compile(kernel, bsdf, inputs, given)
+            if key not in _programs:
+                given = (len(directions), source, tuple(layout))
+                while len(_programs) >= MOST_PROGRAMS:
+                    del _programs[next(iter(_programs))]
+                _programs[key] = self._compile(kernel, bsdf, inputs, given), identity[1]
+            self.compiled[key] = _programs[key][0]
         return tuple(columns.back(out, per_path) for out in self.compiled[key](*inputs))
 
     def _compile(
@@ -187,7 +207,8 @@ class Engine:
             # Walks ask whether a gradient is wanted, so what is traced wants what the call wants.
             wanted = torch.is_grad_enabled()
             examples = [x.detach().requires_grad_(wanted and x.requires_grad) for x in inputs]
-            graph = make_fx(flat, tracing_mode="fake")(*examples)
+            # Tensors that are no parameters, such as tables, become constants of the graph.
+            graph = make_fx(flat, tracing_mode="fake", _allow_non_fake_inputs=True)(*examples)
             graph.graph = fx_graph_cse(graph.graph)
             graph.graph.eliminate_dead_code()
             graph.recompile()
@@ -196,15 +217,6 @@ class Engine:
         if self.verbose:
             _console.print(f"{message}: {time.perf_counter() - start:.0f} s", highlight=False)
         return function
-
-
-def _structure(bsdf: BSDF) -> tuple[Any, ...]:
-    """All that a kernel may branch on in Python: the classes of the parts and their plain attributes."""
-    plain = (bool, int, float, str)
-    return tuple(
-        (type(part), *((k, v) for k, v in vars(part).items() if isinstance(v, plain) and k != "training"))
-        for part in bsdf.modules()
-    )
 
 
 class _Quiet:

@@ -20,6 +20,7 @@ from torchms import (
     Unidirectional,
     compiled,
 )
+from torchms.approximations import AlbedoTable
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = 64
@@ -132,6 +133,31 @@ def test_without_a_compiler(monkeypatch: pytest.MonkeyPatch, generator: torch.Ge
         fast = torchms.compile(eager)
     wi = directions(5, generator)
     assert torch.equal(fast(wi, wi, Stream(1)), eager(wi, wi, Stream(1)))
+
+
+def test_built_anew_in_every_step(generator: torch.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Around maps that a network gives: compiled once, and the gradient reaches the network."""
+    counted = []
+    compile_one = compiled.Engine._compile
+    monkeypatch.setattr(compiled.Engine, "_compile", lambda *a: counted.append(0) or compile_one(*a))
+    network, wi = nn.Linear(4, 1), directions(70, generator)
+    features = torch.randn(70, 4, generator=generator)
+    steps = []
+    for scale in (0.3, 0.6):
+        alpha = scale * torch.sigmoid(network(features)).squeeze(-1) + 0.1
+        eager = RoughConductor(GGX(alpha), Schlick([0.3, 0.9]), SingleBounce())
+        fast = torchms.compile(eager, verbose=False)
+        gradients = [torch.autograd.grad(b(wi, wi).sum(), network.weight, retain_graph=True) for b in (fast, eager)]
+        same(gradients[0], gradients[1])
+        steps.append(gradients[0][0])
+    assert not torch.equal(*steps) and len(counted) == 1
+    # Constants of the graph belong to their object: here the tables of the lost energy.
+    halved = AlbedoTable.packaged("GGX")
+    halved.c_round.mul_(0.5)
+    tables = [torchms.KullaConty(), torchms.KullaConty(halved)]
+    both = [RoughConductor(GGX(0.7), Schlick([0.9]), table) for table in tables]
+    same([torchms.compile(b, verbose=False)(wi, wi) for b in both], [b(wi, wi) for b in both])
+    assert len(counted) == 3 and not torch.equal(both[0](wi, wi), both[1](wi, wi))
 
 
 def test_exchanged_parts_compile_anew(generator: torch.Generator) -> None:

@@ -1,6 +1,9 @@
 """The counter-based stream: the same numbers however they are asked for, uniform and independent of each other."""
 
 import itertools
+import subprocess
+import sys
+import textwrap
 
 import pytest
 import scipy.stats
@@ -154,3 +157,18 @@ def test_arguments_that_do_not_fit(arguments: tuple, kind: type, words: list[str
     with pytest.raises(kind) as caught:
         Stream(*arguments)
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_numbers_compile():
+    """In a user's own `torch.compile`, whose Inductor takes integers under a stack of floats for floats: the same bits."""
+    program = """
+        import torch
+        from torchms import Stream, compiled
+        numbers = lambda: Stream(5, 2).uniforms((30,), 4)
+        fast = torch.compile(numbers, fullgraph=True, options=compiled.OPTIONS)
+        assert torch.equal(fast(), numbers())
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=200, check=False
+    )
+    assert done.returncode == 0, done.stderr[-3000:]

@@ -5,7 +5,6 @@ batch) has a 64-bit seed of its own; a row's numbers depend on nothing else, so 
 of rows change them.
 """
 
-import functools
 from collections.abc import Sequence
 
 import torch
@@ -130,8 +129,13 @@ class Stream:
 
     def uniforms(self, batch_shape: Sequence[int], n_uniforms: int, dtype: torch.dtype = torch.float32) -> Tensor:
         """The numbers themselves, (*batch, N, D): a call with them gives what a call with the stream gives."""
-        numbers = self.numbers(self.seeds(batch_shape), n_uniforms, dtype)
-        stacked = torch.stack([numbers[d] for d in range(n_uniforms)])
+        seeds = self.seeds(batch_shape)
+        index = torch.arange(self.n_paths, device=seeds.device)
+        points = self._points(n_uniforms, slice(None), seeds.device)
+        numbers = StreamNumbers(seeds, index, n_uniforms, dtype, points)
+        # Inductor would compute the integers of a stack of floats as floats.
+        compiling = torch.compiler.is_compiling()
+        stacked = numbers.stacked() if compiling else torch.stack([numbers[d] for d in range(n_uniforms)])
         return stacked.permute(*range(2, stacked.ndim), 1, 0)
 
     def block(self, batch_shape: Sequence[int], rows: slice, device: torch.device) -> Tensor:
@@ -150,7 +154,7 @@ class Stream:
         paths = slice(0, self.n_paths) if paths is None else paths
         index = torch.arange(paths.start, paths.stop, device=seeds.device)
         numbers = StreamNumbers(seeds, index, n_uniforms, dtype, self._points(n_uniforms, paths, seeds.device))
-        return numbers.together() if torch.compiler.is_exporting() else numbers
+        return numbers.stacked().unbind(0) if torch.compiler.is_exporting() else numbers
 
     def _points(self, n_uniforms: int, paths: slice, device: torch.device) -> Tensor | None:
         """The shared points of the paths as 24-bit integers, (D, paths); None for independent ones."""
@@ -171,13 +175,16 @@ class StreamNumbers(Sequence[Tensor]):
         self.n_uniforms, self.dtype, self.points = n_uniforms, dtype, points
         self.seeds, self.paths = seeds, paths
         self.known: dict[int, Tensor] = {}
+        self.mixed: tuple[Tensor, Tensor] | None = None
 
-    @functools.cached_property
+    @property
     def state(self) -> tuple[Tensor, Tensor]:
         """The mixed words of each row and path."""
-        seeds = self.seeds[None]
-        # In a rotated set all paths share the row's random numbers.
-        return _state(seeds, self._column(self.paths) if self.points is None else torch.zeros_like(seeds))
+        if self.mixed is None:  # not by functools.cached_property, whose lock torch.compile cannot enter
+            seeds = self.seeds[None]
+            # In a rotated set all paths share the row's random numbers.
+            self.mixed = _state(seeds, self._column(self.paths) if self.points is None else torch.zeros_like(seeds))
+        return self.mixed
 
     def _column(self, per_path: Tensor) -> Tensor:
         """`per_path` with an axis for each axis of the rows."""
@@ -194,12 +201,12 @@ class StreamNumbers(Sequence[Tensor]):
             self.known[d] = self._float(_integer(self.state, d), point)
         return self.known[d]
 
-    def together(self) -> tuple[Tensor, ...]:
+    def stacked(self) -> Tensor:
         """All numbers by the same operations on one tensor (D, paths, *rows): a graph of few nodes."""
         x, y = self.state
-        d = torch.arange(self.n_uniforms, device=x.device).reshape(-1, *(1,) * x.ndim)
+        d = torch.arange(self.n_uniforms, dtype=x.dtype, device=x.device).reshape(-1, *(1,) * x.ndim)
         points = None if self.points is None else torch.stack([self._column(point) for point in self.points])
-        return self._float(_integer((x[None], y[None]), d), points).unbind(0)
+        return self._float(_integer((x[None], y[None]), d), points)
 
     def _float(self, n: Tensor, point: Tensor | None) -> Tensor:
         if point is not None:
