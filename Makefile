@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 DOCS := .venv/.docs
 
-.PHONY: demo demo-fit test test-all node-test mutations bench pictures figures tables export docs lint clean
+.PHONY: demo demo-fit test test-all node-test coverage mutations bench pictures figures tables export docs lint clean
 
 $(STAMP): constraints.txt setup.cfg pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -53,6 +53,9 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright --pythonpath $(BIN)/python torchms
+
+coverage: $(STAMP)  ## statements of torchms that the suite runs
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not slow" --cov --cov-report=term-missing:skip-covered
 
 mutations: $(STAMP)  ## deliberate faults in formulas, and the test that catches each
 	$(BIN)/python tests/mutations.py

@@ -24,7 +24,12 @@ LEVEL = sidak(FAMILY_LEVEL, STATISTICAL_TESTS)
 torch.set_num_threads(1)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        # The two that cost most together; each of them has its quick cases with something cheaper.
+        if "beckmann" in item.name and "bidirectional" in item.name and "laws" in item.path.parts:
+            item.add_marker(pytest.mark.slow)
     statistical = sum("budget" in getattr(item, "fixturenames", ()) for item in items)
     if statistical > STATISTICAL_TESTS:
         raise pytest.UsageError(f"{statistical} statistical tests share a budget for {STATISTICAL_TESTS}: raise it.")

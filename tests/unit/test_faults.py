@@ -156,6 +156,11 @@ def test_two_processes_on_one_output(tmp_path):
     assert reads > 10 and [p.name for p in tmp_path.iterdir()] == ["shared.bin"]
 
 
+def heed_interrupts() -> None:
+    """In a child: SIGINT interrupts it, even if the suite runs in the background of a shell, where it is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.013, 0.05])
 def test_an_interrupt_leaves_no_part(delay, tmp_path):
     """SIGINT while files are written one after the other: each is whole or absent, and nothing else is there."""
@@ -169,6 +174,7 @@ def test_an_interrupt_leaves_no_part(delay, tmp_path):
     """
     process = subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(program), str(tmp_path)],
+        preexec_fn=heed_interrupts,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
@@ -211,6 +217,7 @@ def test_an_interrupted_command_leaves_nothing(tmp_path):
             "--json",
             str(out),
         ],
+        preexec_fn=heed_interrupts,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

@@ -153,7 +153,9 @@ class Correlated(Segment):
         for i in range(1, len(backward)):
             came_from = backward[i].back
             assert came_from is not None
-            behind.append(behind[-1] * self._reversed_leg(came_from, backward, i - 1, backward[i].crossed))
+            further = behind[-1] * self._reversed_leg(came_from, backward, i - 1, backward[i].crossed)
+            # A long product of large ratios overflows where the weight that it meets is next to 0.
+            behind.append(further.clamp_max(1 / smallest(further.dtype)))
         return lambda s, t, crossed: states[s].stay * self._reversed_leg(states[s].a, backward, t, crossed) * behind[t]
 
     def _reversed_leg(self, a: Tensor, backward: Sequence[Leg], i: int, crossed: Tensor | None) -> Tensor:
