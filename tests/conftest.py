@@ -27,8 +27,11 @@ torch.set_num_threads(1)
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        # The two that cost most together; each of them has its quick cases with something cheaper.
-        if "beckmann" in item.name and "bidirectional" in item.name and "laws" in item.path.parts:
+        # What costs most together; each part has its quick cases with something cheaper.
+        if "bidirectional" in item.name and (
+            ("beckmann" in item.name and "laws" in item.path.parts)
+            or (item.path.name == "test_blocks.py" and "bidirectional-invariance" not in item.name)
+        ):
             item.add_marker(pytest.mark.slow)
     statistical = sum("budget" in getattr(item, "fixturenames", ()) for item in items)
     if statistical > STATISTICAL_TESTS:
