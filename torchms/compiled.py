@@ -89,8 +89,11 @@ def _missing_compiler() -> str:
 
 MOST_PROGRAMS = 256
 
-_programs: dict[tuple[Any, ...], tuple[Callable[..., tuple[Tensor, ...]], list[Any]]] = {}
-"""Compiled kernels of this process, for all BSDFs of the same structure; with what their keys know by identity."""
+Program = tuple[Callable[..., tuple[Tensor, ...]], list[Any]]
+"""A compiled kernel, and what its key knows by identity, which lives as long as the key is compared."""
+
+_programs: dict[tuple[Any, ...], Program] = {}
+"""Those of this process, for all BSDFs of the same structure."""
 
 
 class Engine:
@@ -98,7 +101,7 @@ class Engine:
 
     def __init__(self, verbose: bool) -> None:
         self.verbose = verbose
-        self.compiled: dict[tuple[Any, ...], Callable[..., tuple[Tensor, ...]]] = {}
+        self.compiled: dict[tuple[Any, ...], Program] = {}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Engine":
         return Engine(self.verbose)
@@ -151,8 +154,9 @@ class Engine:
                 while len(_programs) >= MOST_PROGRAMS:
                     del _programs[next(iter(_programs))]
                 _programs[key] = self._compile(kernel, bsdf, inputs, given), identity[1]
-            self.compiled[key] = _programs[key][0]
-        return tuple(columns.back(out, per_path) for out in self.compiled[key](*inputs))
+            self.compiled[key] = _programs[key]
+        function, _ = self.compiled[key]
+        return tuple(columns.back(out, per_path) for out in function(*inputs))
 
     def _compile(
         self, kernel: Callable[..., tuple[Tensor, ...]], bsdf: BSDF, inputs: list[Tensor], given: Any

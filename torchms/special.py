@@ -267,14 +267,11 @@ def normal_quantile(u: Tensor) -> Tensor:
     return erfinv_of(low - high, -torch.log(4 * low * high).clamp_max(0))
 
 
-def stirling(x: Tensor) -> Tensor:
-    """ln Γ(1 + x) − [(x + ½) ln(1 + x) − (1 + x) + ½ ln 2π] for x ≥ 0; ~ 1 / (12 x) for large x."""
-    q, s = half_line(x, STIRLING_C)
-    return q * polynomial(STIRLING, s)
-
-
 def stirling_difference(x: Tensor, d: Tensor) -> Tensor:
-    """stirling(x + d) − stirling(x) for x, d ≥ 0, accurate relative to d where it is small."""
+    """stirling(x + d) − stirling(x) for x, d ≥ 0, accurate relative to d where it is small.
+
+    stirling(x) = ln Γ(1 + x) − [(x + ½) ln(1 + x) − (1 + x) + ½ ln 2π], which is ~ 1 / (12 x) for large x.
+    """
     q0, s0 = half_line(x, STIRLING_C)
     q1, s1 = half_line(x + d, STIRLING_C)
     # stirling is q P(s) with s = ½ − q. Synthetic division gives P(s0) and Q(s1) = (P(s1) − P(s0)) / (s1 − s0), so that

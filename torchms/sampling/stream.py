@@ -129,10 +129,7 @@ class Stream:
 
     def uniforms(self, batch_shape: Sequence[int], n_uniforms: int, dtype: torch.dtype = torch.float32) -> Tensor:
         """The numbers themselves, (*batch, N, D): a call with them gives what a call with the stream gives."""
-        seeds = self.seeds(batch_shape)
-        index = torch.arange(self.n_paths, device=seeds.device)
-        points = self._points(n_uniforms, slice(None), seeds.device)
-        numbers = StreamNumbers(seeds, index, n_uniforms, dtype, points)
+        numbers = self._numbers(self.seeds(batch_shape), n_uniforms, dtype, slice(0, self.n_paths))
         # Inductor would compute the integers of a stack of floats as floats.
         compiling = torch.compiler.is_compiling()
         stacked = numbers.stacked() if compiling else torch.stack([numbers[d] for d in range(n_uniforms)])
@@ -151,10 +148,12 @@ class Stream:
         self, seeds: Tensor, n_uniforms: int, dtype: torch.dtype, paths: slice | None = None
     ) -> Sequence[Tensor]:
         """The D numbers, each (paths, *seeds.shape); computed when they are asked for, all together in an export."""
-        paths = slice(0, self.n_paths) if paths is None else paths
-        index = torch.arange(paths.start, paths.stop, device=seeds.device)
-        numbers = StreamNumbers(seeds, index, n_uniforms, dtype, self._points(n_uniforms, paths, seeds.device))
+        numbers = self._numbers(seeds, n_uniforms, dtype, slice(0, self.n_paths) if paths is None else paths)
         return numbers.stacked().unbind(0) if torch.compiler.is_exporting() else numbers
+
+    def _numbers(self, seeds: Tensor, n_uniforms: int, dtype: torch.dtype, paths: slice) -> "StreamNumbers":
+        index = torch.arange(paths.start, paths.stop, device=seeds.device)
+        return StreamNumbers(seeds, index, n_uniforms, dtype, self._points(n_uniforms, paths, seeds.device))
 
     def _points(self, n_uniforms: int, paths: slice, device: torch.device) -> Tensor | None:
         """The shared points of the paths as 24-bit integers, (D, paths); None for independent ones."""

@@ -44,9 +44,9 @@ def law_suite(
     resolves α of 0.05 and more. samples: directions of each statistical test. seed: of their random numbers; the result
     is the same every time. level: probability that some statistical test fails although all laws hold. picture: a file
     that shows the last chi² that failed (needs matplotlib). A law that does not hold raises nothing, nor does an object
-    that raises: that law has failed, with the message as its note. With 20 000 samples it
-    finds a density that is off by 0.2 %, an energy by 1 to 2 %, values by 4 % from the walks, or a lean of 2 % from
-    reciprocity. Computes for 0.1 to 3 s; for 6 s with Bidirectional of eight orders, 15 s with glass of GTR.
+    that raises: that law has failed, with the message as its note. With 20 000 samples it finds a density that is off by
+    0.2 %, an energy by 1 to 2 %, values by 4 % from the walks, or a lean of 2 % from reciprocity. Computes for 0.1 to 3 s;
+    for 6 s with Bidirectional of eight orders, 15 s with glass of GTR.
     Raises TypeError for a `subject` of another kind, ValueError for fewer than 100 `samples`, a `seed` that is no integer
     of at least 0 or a `level` outside of (0, 1), OSError if the picture cannot be written.
     """
