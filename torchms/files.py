@@ -3,7 +3,7 @@
 import glob
 import json
 import os
-import tempfile
+import secrets
 from contextlib import suppress
 from fnmatch import fnmatch
 from pathlib import Path
@@ -73,21 +73,21 @@ def read_json(path: str | Path, most_bytes: int = 1 << 24) -> Any:
 
 def _written(path: Path, content: bytes) -> bool:
     """Put `content` at `path`; False if somebody took the temporary file for a leftover, before it was locked."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    # Named before it is made, so that an interrupt at any point finds what to remove.
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with open(temporary, "xb") as file:
             _locked(file, wait=True)
             if not os.fstat(file.fileno()).st_nlink:
                 return False
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-            umask = os.umask(0)
-            os.umask(umask)
-            os.chmod(temporary, 0o666 & ~umask)
             os.replace(temporary, path)
+    except FileExistsError:  # another writer drew the same name: it is his
+        return False
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
     return True
 

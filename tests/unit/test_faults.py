@@ -11,15 +11,18 @@ import textwrap
 import time
 import warnings
 import zipfile
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from importlib import resources
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 import pytest
 import torch
 from hostile import FLIPS, TRUNCATIONS, damaged
 
+from torchms import files
 from torchms.approximations import AlbedoTable
 from torchms.archives import read_arrays
 from torchms.files import check_writable, write_whole
@@ -187,6 +190,36 @@ def test_an_interrupt_leaves_no_part(delay, tmp_path):
     found = list(tmp_path.iterdir())
     assert all(p.name.endswith(".bin") and not p.name.startswith(".") for p in found), [p.name for p in found]
     assert all(p.stat().st_size == 200_000 for p in found)
+
+
+def test_an_interrupt_at_any_instruction(tmp_path):
+    """Instead of at random times: at every instruction of the writer, one after the other."""
+    left, outside = 0, sys.gettrace()
+
+    def step(frame: FrameType, event: str, argument: object) -> Callable[..., object] | None:
+        nonlocal left
+        if (frame.f_code.co_filename, frame.f_code.co_name) != (files.__file__, "_written"):
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            left -= 1
+            if left == 0:
+                raise KeyboardInterrupt
+        return step
+
+    for instruction in range(1, 1000):
+        left = instruction
+        sys.settrace(step)
+        try:
+            write_whole(tmp_path / "a.bin", b"content", force=True)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            sys.settrace(outside)
+        assert {p.name for p in tmp_path.iterdir()} <= {"a.bin"}, instruction
+        if left > 0:
+            break
+    assert 20 < instruction < 999 and (tmp_path / "a.bin").read_bytes() == b"content"
 
 
 def test_an_interrupted_command_leaves_nothing(tmp_path):

@@ -4,9 +4,12 @@ import glob
 import os
 import subprocess
 import sys
-import tempfile
 import time
+from typing import IO
 
+import pytest
+
+from torchms import files
 from torchms.files import remove_leftovers, write_whole
 
 
@@ -44,17 +47,36 @@ def test_what_a_kill_left_goes(tmp_path):
 
 def test_a_file_taken_for_a_leftover_is_written_again(tmp_path, monkeypatch):
     """Between making its temporary file and locking it, a writer may lose it to another."""
-    real, taken = tempfile.mkstemp, []
+    lock, taken = files._locked, []
 
-    def stolen(**arguments: object) -> tuple[int, str]:
-        handle, name = real(**arguments)
-        if len(taken) < 2:
+    def late(file: IO[bytes], wait: bool) -> bool:
+        if wait and len(taken) < 2:
             taken.append(remove_leftovers(tmp_path, "a.bin"))
-        return handle, name
+        return lock(file, wait)
 
-    monkeypatch.setattr(tempfile, "mkstemp", stolen)
+    monkeypatch.setattr(files, "_locked", late)
     write_whole(tmp_path / "a.bin", b"content")
     assert taken == [1, 1] and [p.name for p in tmp_path.iterdir()] == ["a.bin"]
+
+
+def test_two_writers_who_drew_one_name(tmp_path, monkeypatch):
+    """The temporary file that is there stays as it is; the second writer takes another name."""
+    names = iter(["00000000", "00000000", "11111111"])
+    monkeypatch.setattr(files.secrets, "token_hex", lambda n: next(names))
+    first = tmp_path / ".a.bin.00000000.part"
+    first.write_bytes(b"first")
+    write_whole(tmp_path / "a.bin", b"content", sweep=False)
+    assert (tmp_path / "a.bin").read_bytes() == b"content" and first.read_bytes() == b"first"
+
+
+@pytest.mark.parametrize("umask", [0o022, 0o077])
+def test_permissions_are_those_of_any_new_file(umask, tmp_path):
+    before = os.umask(umask)
+    try:
+        write_whole(tmp_path / "a.bin", b"content")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.bin").stat().st_mode & 0o777 == 0o666 & ~umask
 
 
 def test_without_locks(tmp_path, monkeypatch):
