@@ -10,6 +10,7 @@ from torchms.cli_options import EnergyOptions
 from torchms.microsurface.cli import FiguresOptions, SimulateOptions
 from torchms.onnx.options import ExportOptions
 from torchms.render.options import RenderOptions
+from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
     "energy": (EnergyOptions, "torchms.lobes.energy:run_energy"),
@@ -24,6 +25,8 @@ COMMANDS: dict[str, tuple[type, str]] = {
 DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures and ONNX files.
 
 Example: torchms energy --material conductor --metal Au --alpha 0.5
+
+`torchms --version` prints the version.
 """
 
 
@@ -34,6 +37,9 @@ def _function(path: str) -> Callable[[object], None]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; the exit code is 0, 2 for arguments that do not fit, 130 when interrupted."""
+    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+        print(f"torchms {__version__}")
+        return 0
     options = tyro.extras.subcommand_cli_from_dict(
         {name: options for name, (options, _) in COMMANDS.items()},
         prog="torchms",

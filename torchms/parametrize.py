@@ -65,7 +65,7 @@ def constrain(module: M, *names: str, low: float | None = None, high: float | No
         path, _, leaf = name.rpartition(".")
         owner = dict(module.named_modules()).get(path)
         if not isinstance(owner, Parametric) or leaf not in owner.declared:
-            raise ValueError(f"constrain(name=...) must be one of {', '.join(parameter_names(module))}; got {name!r}.")
+            raise ValueError(f"constrain({name!r}): no such parameter; there are {', '.join(parameter_names(module))}.")
         _constrain(owner, leaf, name, low, high)
     return module
 

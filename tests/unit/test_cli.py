@@ -10,6 +10,7 @@ import time
 import pytest
 import tyro
 
+import torchms
 from torchms.cli import COMMANDS, main
 
 QUICK = ["--samples", "2000", "--max-order", "3", "--theta", "0.5"]
@@ -40,6 +41,11 @@ def test_help_of_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Example: torchms energy" in out
     for command in COMMANDS:
         assert command in out
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"torchms {torchms.__version__}\n"
 
 
 def test_help_is_quick() -> None:

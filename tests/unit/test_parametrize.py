@@ -110,7 +110,7 @@ def test_narrower_range() -> None:
 @pytest.mark.parametrize(
     "module,name,options,said",
     [
-        (GGX(0.3), "beta", {}, "must be one of alpha; got 'beta'"),
+        (GGX(0.3), "beta", {}, "no such parameter; there are alpha"),
         (GGX(0.3), "alpha_y", {}, "no value"),
         (GGX(0.3), "alpha", {"low": 0.0}, r"within \[0.001, 2\]"),
         (GGX(0.3), "alpha", {"low": 0.5, "high": 0.5}, "range within"),

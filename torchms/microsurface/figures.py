@@ -33,7 +33,7 @@ def run_figures(options: FiguresOptions) -> list[Path]:
     try:
         import matplotlib
     except ImportError as error:
-        raise ImportError("torchms figures needs matplotlib: pip install matplotlib.") from error
+        raise ImportError("torchms figures needs matplotlib: pip install 'torchms[microsurface]'.") from error
     alpha = (options.alpha, options.alpha if options.alpha_y is None else options.alpha_y)
     name = f"{options.material}_a{alpha[0]:g}" + (f"_{alpha[1]:g}" if alpha[1] != alpha[0] else "")
     if not options.out.exists():
