@@ -133,7 +133,7 @@ def test_walks_go_where_it_says(material, segment, distribution, alpha, n, gener
     joined = surface(material, Bidirectional(model(), K), distribution, alpha)
     if distribution == "gtr":  # few cells: where the light goes
         wo = joined.sample(wi, joined.uniforms((len(wi),), 1, generator=generator))[0][:, 0]
-    there, solid_angle = around(wo, 24_000 // len(wo) * n // 40_000, generator)
+    there, solid_angle = around(wo, 3 * n // (5 * len(wo)), generator)
     ours = estimate(joined.orders(wi[:, None], there, Stream(seed % 2**31)), 1)
     ours = Estimate(ours.mean * solid_angle[:, None, None], ours.stderr * solid_angle[:, None, None], ours.n)
     p, where = [], []
