@@ -81,10 +81,10 @@ def compared(a: Estimate, b: Estimate) -> tuple[Tensor, list[list[int]]]:
 
 
 def matrix(default: tuple[str, ...], n_default: int, n_slow: int) -> pytest.MarkDecorator:
-    """Parametrize over distribution × α × size: the `default` α small, and, slow, all large; half for costly GTR."""
+    """Parametrize over distribution × α × size: the `default` α small, and, slow, all large; a third for costly GTR."""
     cases = [pytest.param("ggx", ALPHAS[a], n_default, id=f"ggx-{a}-{n_default}") for a in default]
     for d, a in itertools.product(DISTRIBUTIONS, ALPHAS):
-        n = n_slow // 2 if d == "gtr" else n_slow
+        n = n_slow // 3 if d == "gtr" else n_slow
         cases.append(pytest.param(d, ALPHAS[a], n, id=f"{d}-{a}-{n}", marks=pytest.mark.slow))
     return pytest.mark.parametrize("distribution,alpha,n", cases)
 
@@ -112,7 +112,7 @@ def lands(d: Tensor, wo: Tensor) -> Tensor:
 def walked(bsdf: BSDF, wi: Tensor, wo: Tensor, seed: int, n: int) -> Estimate:
     """Share of the energy from wi that its walks carry into the cell of wo, by order: (pairs, K, C)."""
     total = square = 0
-    size = 10_000
+    size = 20_000
     for block in range(n // size):
         walks = bsdf.sample_walk(wi, Stream(seed + block, size))
         there = (walks.order[..., None] == torch.arange(1, bsdf.max_order + 1)) & lands(walks.wo, wo)[..., None]
