@@ -72,7 +72,7 @@ def read_json(path: str | Path, most_bytes: int = 1 << 24) -> Any:
 
 
 def _written(path: Path, content: bytes) -> bool:
-    """Put `content` at `path`; False if somebody took the temporary file for a leftover, before it was locked."""
+    """Put `content` at `path`; False if the temporary file is somebody else's, or he took it for a leftover."""
     # Named before it is made, so that an interrupt at any point finds what to remove.
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:

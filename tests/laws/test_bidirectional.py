@@ -127,7 +127,7 @@ def walked(bsdf: BSDF, wi: Tensor, wo: Tensor, seed: int, n: int) -> Estimate:
 def test_walks_go_where_it_says(material, segment, distribution, alpha, n, generator, seed, budget):
     """Orders 1 … 4 over a small cell about each of 24 random wo: the walk of the same model, and the height walk.
 
-    A walk that ends in a cell is counted, so no rare connection can hide, whatever the roughness.
+    A walk that ends in a cell is counted, so no rare connection can hide, whatever the roughness. GTR has eight cells.
     """
     wi, wo = pairs(material, generator, distribution)
     K, model = 4, SEGMENTS[segment]

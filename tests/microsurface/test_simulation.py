@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from torchms.fresnel import Conductor, Ideal
 from torchms.microsurface import (
     EmbreeTracer,
     GaussianSurfaces,
@@ -193,9 +194,6 @@ def test_lobes_hold_the_energies_and_the_errors_are_honest() -> None:
 
 
 def test_absorbing_mirrors_sum_up() -> None:
-    pytest.importorskip("torchms.fresnel")
-    from torchms.fresnel import Conductor, Ideal
-
     surface = Heightfield.gaussian(1.0, size=256, seed=1)
     copper = Mirror(Conductor.metal("Cu"))
     tally = simulate(surface, copper, direction(0.4), n_rays=30_000, seed=2, tracer=GRID)
