@@ -5,7 +5,6 @@ import re
 import shlex
 import subprocess
 import sys
-import time
 
 import pytest
 import tyro
@@ -16,9 +15,10 @@ from torchms.cli import COMMANDS, main
 QUICK = ["--samples", "2000", "--max-order", "3", "--theta", "0.5"]
 
 
-def test_help_answers_without_torch() -> None:
+@pytest.mark.parametrize("arguments", [["--help"], ["energy", "--help"]])
+def test_help_answers_without_torch(arguments: list[str]) -> None:
     """`--help` must not wait for torch: it is not imported."""
-    code = "import sys, torchms.cli as c\ntry: c.main(['energy', '--help'])\nexcept SystemExit: pass\n"
+    code = f"import sys, torchms.cli as c\ntry: c.main({arguments})\nexcept SystemExit: pass\n"
     code += "sys.exit(int('torch' in sys.modules or 'numpy' in sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=60).returncode == 0
 
@@ -46,18 +46,6 @@ def test_help_of_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"torchms {torchms.__version__}\n"
-
-
-def test_help_is_quick() -> None:
-    """Best of three: a loaded machine is not a slow command."""
-    best = min(_seconds([sys.executable, "-m", "torchms", "--help"]) for _ in range(3))
-    assert best < 1.5, f"--help took {best:.2f} s (0.4 s on an idle machine)"
-
-
-def _seconds(command: list[str]) -> float:
-    start = time.perf_counter()
-    subprocess.run(command, check=True, capture_output=True)
-    return time.perf_counter() - start
 
 
 def test_table_and_json(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
