@@ -8,7 +8,10 @@ code with torchms; tests/crosscheck/test_yardstick.py checks it against the libr
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import config, njit, prange
+
+# Numba's OpenMP layer sets the number of threads of the whole process, torch's too.
+config.THREADING_LAYER = "workqueue"
 
 GGX, BECKMANN = 0, 1
 _INVERSE = 1 / 4294967296

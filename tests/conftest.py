@@ -75,6 +75,13 @@ def generator(seed: int) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """A library that sets the threads of the process makes every later test slow."""
+    yield
+    assert torch.get_num_threads() == 1
+
+
 @pytest.fixture
 def messages() -> Iterator[None]:
     """Without the types' run-time checks, which would answer before torchms does: what a user sees."""

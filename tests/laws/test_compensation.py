@@ -165,7 +165,7 @@ def test_values_and_gradients_are_finite(material, scattering, distribution, gen
             wi, wo = edges(dtype)
             u = numbers(surface, dtype, generator)[:4].expand(len(wi), -1, -1)
             wi.requires_grad_(), wo.requires_grad_()
-            for method, value in results(surface, wi, wo, u).items():
+            for method, value in results(surface, wi, wo, u):
                 if not value.isfinite().all():
                     bad.append((dtype, alpha, method, rows_of(value)))
                 if not value.requires_grad:

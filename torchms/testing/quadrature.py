@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 ORDER = 6
-CHUNK = 1 << 18
+CHUNK = 1 << 14
+"""Directions at once: what a quadrature inside of `function` makes of them should stay in the cache."""
 
 
 def sphere_cells(
