@@ -150,6 +150,7 @@ def test_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 QUICK = [("conductor[conductor]", name) for name in ("uncorrelated", "invariance", "kulla-conty", "turquin")]
+QUICK += [("diffuse", "single")]
 EVERY = [(m, s) for m in ONE_OF_EACH for s in (*SCATTERINGS, *COMPENSATIONS) if m != "diffuse" or s in SCATTERINGS]
 
 
@@ -169,7 +170,8 @@ def test_parity_over_the_tables(material: str, scattering: str) -> None:
     inputs = () if scattering == "kulla-conty" else ("alpha",)
     surface = bsdf(material, scattering, alpha=(0.5,), max_order=2, dtype=torch.float32)
     content = exported(surface, parameters=inputs)
-    parity = check(content, checked(surface, "forward", inputs, "input", 1), rows=30_000)
+    # So many, because what is sensitive is counted: a handful of rows in as many.
+    parity = check(content, checked(surface, "forward", inputs, "input", 1), rows=131_072)
     assert not parity.failures, parity
 
 
