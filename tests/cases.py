@@ -170,6 +170,11 @@ def transmits(material: str) -> bool:
     return isinstance(bsdf(material, "single"), torchms.RoughDielectric)
 
 
+def is_dear(distribution: str, scattering: str) -> bool:
+    """Whether every vertex of two walks is a quadrature: the costliest pair of the tables, and the largest graph."""
+    return distribution == "gtr" and scattering.startswith("bidirectional")
+
+
 def sides(material: str) -> tuple[float, ...]:
     """Signs of cos θ_i that the material serves."""
     return (1.0, -1.0) if transmits(material) else (1.0,)

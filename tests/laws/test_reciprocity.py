@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from cases import DISTRIBUTIONS, MATERIALS, bsdf, directions, each, models, transmits
+from cases import DISTRIBUTIONS, MATERIALS, bsdf, directions, each, is_dear, models, transmits
 
 from torchms.testing import p_value, reciprocal_pair, z_score
 
@@ -59,8 +59,7 @@ def test_reciprocity_in_expectation(material, scattering, distribution, generato
     if not surface.scattering.is_reciprocal:
         pytest.skip("not a reciprocal model")
     wi, wo = pairs(material, generator, least=0.3)
-    # Both walks of GTR are dear, and less noisy than one.
-    n = 6_000 if distribution == "gtr" and scattering.startswith("bidirectional") else 20_000
+    n = 6_000 if is_dear(distribution, scattering) else 20_000  # two walks are less noisy than one
     u = surface.uniforms((2, PAIRS), n, generator=generator)
     p = p_value(z_score(*reciprocal_pair(surface, wi, wo, u[0], u[1]), rounding=FLOOR))
     budget(p, lambda i: f"pair {i // p[0].numel()}, order {i % p[0].numel() // p.shape[-1] + 1}")

@@ -149,8 +149,10 @@ def test_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         export(SIMPLE, tmp_path / "x.onnx")
 
 
-QUICK = [("conductor[conductor]", name) for name in ("uncorrelated", "invariance", "kulla-conty", "turquin")]
-QUICK += [("diffuse", "single")]
+QUICK = [
+    *(("conductor[conductor]", name) for name in ("uncorrelated", "invariance", "kulla-conty", "turquin")),
+    ("diffuse", "single"),
+]
 EVERY = [(m, s) for m in ONE_OF_EACH for s in (*SCATTERINGS, *COMPENSATIONS) if m != "diffuse" or s in SCATTERINGS]
 
 
