@@ -8,7 +8,7 @@ from cases import ELLIPTIC, LOSSLESS, serves
 from reference import BIASED, ENERGY, ROWS, SHARED, checksum, counted, incident, model, oracles
 
 from torchms.lobes import measure
-from torchms.testing import Estimate, p_value, share_z_score
+from torchms.testing import Estimate, p_value, share_zscore
 
 ROUNDING = 0.5e-8
 """Half of the last digit that the table holds."""
@@ -32,7 +32,7 @@ def test_every_order_agrees(name, scattering, n_paths, seed, budget):
     means = torch.cat([tally.reflected, tally.transmitted, tally.rest[None]])[:, 0]
     errors = torch.cat([tally.reflected_stderr, tally.transmitted_stderr, tally.rest_stderr[None]])[:, 0]
     theirs = torch.tensor([*row["R"], *row["T"], row["R_rest"] + row["T_rest"]], dtype=torch.float64)
-    z = share_z_score(Estimate(means, errors, n_paths), counted(theirs, row["n"]), ROUNDING)
+    z = share_zscore(Estimate(means, errors, n_paths), counted(theirs, row["n"]), ROUNDING)
     budget(
         p_value(z),
         lambda i: f"{(*SIDES, 'rest')[i // 10]}[{i % 10}] = {means[i]:.3g} ± {errors[i]:.2g}, {theirs[i]:.3g}",
@@ -57,7 +57,7 @@ def test_the_first_order_is_the_quadrature(scattering, distribution, seed, budge
         ours = Estimate(tally.reflected, tally.reflected_stderr, tally.n)
         # The table's own error is 4e-4 at most where its caption says so of the walks; quadrature is taken as exact.
         truth = counted(torch.full((1, 1), ENERGY["e1_quadrature"][key], dtype=torch.float64), 10**12)
-        p.append(p_value(share_z_score(ours, truth, 1e-6)))
+        p.append(p_value(share_zscore(ours, truth, 1e-6)))
     budget(torch.stack(p), lambda i: keys[i])
 
 

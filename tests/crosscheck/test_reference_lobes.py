@@ -3,7 +3,7 @@
 from reference import ROWS, incident, lobe_counts, model, oracles
 
 from torchms.lobes import measure
-from torchms.testing import Estimate, p_value, share_z_score
+from torchms.testing import Estimate, p_value, share_zscore
 
 
 @oracles(50_000, 200_000)
@@ -21,4 +21,4 @@ def test_every_cell_agrees(name, scattering, n_paths, seed, budget):
     )
     lobes = tally.lobes
     ours = Estimate(lobes.mean[..., 0] * lobes.bin_sr, lobes.stderr[..., 0] * lobes.bin_sr, n_paths)
-    budget(p_value(share_z_score(ours, theirs)), lambda i: f"plane and cell {divmod(i, 128)}")
+    budget(p_value(share_zscore(ours, theirs)), lambda i: f"plane and cell {divmod(i, 128)}")

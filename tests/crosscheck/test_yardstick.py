@@ -9,7 +9,7 @@ from torch import Tensor
 
 from torchms import GGX, Beckmann, Bidirectional, Invariance, RoughConductor, Stream
 from torchms.fresnel import Ideal
-from torchms.testing import estimate, p_value, z_score
+from torchms.testing import estimate, p_value, zscore
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 yardstick = pytest.importorskip("yardstick", reason="the yardstick needs numba")
@@ -35,7 +35,7 @@ def test_values(name, distribution, alpha, generator, seed, budget) -> None:
     theirs = estimate(torch.from_numpy(yardstick.evaluate(*many, alpha, kind, K, seed)).reshape(PAIRS, WALKS), 1)
     surface = RoughConductor(distribution(alpha), Ideal(), Bidirectional(Invariance(), K))
     batches = torch.stack([surface(wi, wo, Stream(i, 64))[:, 0] for i in range(40)])
-    budget(p_value(z_score(theirs, estimate(batches), 1e-5 * theirs.mean)))
+    budget(p_value(zscore(theirs, estimate(batches), 1e-5 * theirs.mean)))
 
 
 @pytest.mark.parametrize(("name", "distribution", "alpha"), CASES)
@@ -51,5 +51,5 @@ def test_walks(name, distribution, alpha, generator, seed, budget) -> None:
     p = []
     for moment in (lambda w: w, lambda w: w * w):
         a, b = moment(theirs), moment(directions_out)
-        p.append(p_value(z_score(estimate(a, 1), estimate(b, 1), 1e-6)))
+        p.append(p_value(zscore(estimate(a, 1), estimate(b, 1), 1e-6)))
     budget(torch.cat(p))

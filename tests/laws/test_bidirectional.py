@@ -24,7 +24,7 @@ from torch import Tensor
 from torchms import BSDF, GGX, Bidirectional, Correlated, HeightWalk, Scattering, SingleBounce, Unidirectional
 from torchms.lobes import measure
 from torchms.sampling.stream import Stream
-from torchms.testing import Estimate, estimate, p_value, z_score
+from torchms.testing import Estimate, estimate, p_value, zscore
 
 PAIRS = 24
 LEAST_COS = 0.2
@@ -70,7 +70,7 @@ def values(bsdf: BSDF, wi: Tensor, wo: Tensor, seed: int, n: int) -> Estimate:
 def agreement(a: Estimate, b: Estimate) -> tuple[Tensor, Tensor]:
     """p-values of the numbers that both have resolved, and which they are."""
     resolved = (a.stderr < RESOLVED * a.mean) & (b.stderr < RESOLVED * b.mean)
-    return p_value(z_score(a, b, ROUNDING * a.mean))[resolved], resolved
+    return p_value(zscore(a, b, ROUNDING * a.mean))[resolved], resolved
 
 
 def compared(a: Estimate, b: Estimate) -> tuple[Tensor, list[list[int]]]:

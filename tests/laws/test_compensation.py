@@ -15,7 +15,7 @@ from torchms.approximations.mean_fresnel import mean_fresnel
 from torchms.approximations.single_bounce_energy import crowded, gauss
 from torchms.fresnel import Conductor, Dielectric, Ideal, Schlick
 from torchms.lobes import measure
-from torchms.testing import Estimate, p_value, reciprocal_pair, z_score
+from torchms.testing import Estimate, p_value, reciprocity, zscore
 
 GRID = ((1e-3,), (0.01,), (0.1,), (0.5,), (1.0,), (2.0,), (0.1, 1.0), (1.0, 0.02), (2.0, 1e-3))
 ANGLES = (0.0, 0.3, 0.8, 1.2, 1.5, 1.56)
@@ -101,7 +101,7 @@ def test_kulla_conty_is_reciprocal(material, distribution, generator):
     w = directions(400, generator, 0.02)
     if material == "dielectric":
         w = w * torch.where(torch.rand(400, 1, generator=generator) < 0.5, -1.0, 1.0)
-    there, back = reciprocal_pair(surface, w[:200], w[200:])
+    there, back = reciprocity(surface, w[:200], w[200:])
     assert (there.mean[:, 1] > 0).all()
     torch.testing.assert_close(there.mean, back.mean, rtol=1e-9, atol=1e-15)
 
@@ -113,7 +113,7 @@ def test_turquin_is_not(material, distribution, generator):
     surface = bsdf(material, "turquin", distribution, SMOOTH[material])
     assert not surface.scattering.is_reciprocal and KullaConty.is_reciprocal
     w = directions(400, generator, 0.1)
-    there, back = reciprocal_pair(surface, w[:200], w[200:])
+    there, back = reciprocity(surface, w[:200], w[200:])
     ratio = there.mean.sum(1) / back.mean.sum(1).clamp_min(1e-12)
     assert float((ratio - 1).abs().median()) > 0.01
 
@@ -144,11 +144,11 @@ def test_orders_walks_and_energies_agree(material, scattering, distribution, gen
     )
     energy = Estimate(*sides, tally.n)
     found, walks = integrands(surface, wi, 40_000, generator), walked(surface, wi, 40_000, generator)
-    p = [p_value(z_score(by_side(wo, values, wi), energy)) for wo, values in (found, walks)]
+    p = [p_value(zscore(by_side(wo, values, wi), energy)) for wo, values in (found, walks)]
     a, b = by_cell(*found), by_cell(*walks)
     resolved = (a.stderr < 0.1 * a.mean) & (b.stderr < 0.1 * b.mean)
     assert b.mean[resolved].sum() > 0.9 * b.mean.sum()
-    budget(torch.cat([*(x.reshape(-1) for x in p), p_value(z_score(b, a))[resolved]]))
+    budget(torch.cat([*(x.reshape(-1) for x in p), p_value(zscore(b, a))[resolved]]))
 
 
 @on_all

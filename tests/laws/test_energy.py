@@ -6,7 +6,7 @@ from torch import Tensor
 
 from torchms import BSDF
 from torchms.lobes import measure
-from torchms.testing import Estimate, estimate, p_value, z_score
+from torchms.testing import Estimate, estimate, p_value, zscore
 from torchms.testing.chi_square import cell_index
 
 CELLS = (6, 4)
@@ -59,7 +59,7 @@ def test_orders_walks_and_energies_agree(material, scattering, distribution, gen
             integrands(surface, wi, 60_000, generator),
             walked(surface, wi, 60_000, generator),
         ):
-            p.append(p_value(z_score(by_side(wo, values, wi), energy)))
+            p.append(p_value(zscore(by_side(wo, values, wi), energy)))
     shape = p[0].shape
     budget(torch.stack(p), lambda i: [int(x) for x in torch.unravel_index(torch.tensor(i), (len(p), *shape))])
 
@@ -74,4 +74,4 @@ def test_walks_go_where_orders_say(material, scattering, distribution, generator
     walks = by_cell(*walked(surface, wi, 80_000, generator))
     resolved = (there.stderr < RESOLVED * there.mean) & (walks.stderr < RESOLVED * walks.mean)
     assert walks.mean[resolved].sum() > 0.9 * walks.mean.sum()
-    budget(p_value(z_score(walks, there))[resolved], lambda i: resolved.nonzero()[i].tolist())
+    budget(p_value(zscore(walks, there))[resolved], lambda i: resolved.nonzero()[i].tolist())

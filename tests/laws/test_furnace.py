@@ -4,7 +4,7 @@ import torch
 from cases import ALPHAS, ANGLES, DISTRIBUTIONS, LOSSLESS, SCATTERINGS, bsdf, direction, each, models, sides
 
 from torchms.frame import Vec3
-from torchms.testing import furnace
+from torchms.testing import white_furnace
 
 every_lossless_model = models(LOSSLESS.values())
 
@@ -16,7 +16,7 @@ def test_the_furnace_is_white(material, scattering, distribution, generator):
     for alpha in ALPHAS.values():
         surface = bsdf(material, scattering, distribution, alpha, max_order=20)
         wi = torch.stack([direction(theta) * side for theta in ANGLES for side in sides(material)])
-        energy = furnace(surface, wi, surface.uniforms((len(wi),), 2000, generator=generator))
+        energy = white_furnace(surface, wi, surface.uniforms((len(wi),), 2000, generator=generator))
         assert (energy.mean < 1 + 1e-9).all()
         assert (energy.mean > 1 - 1e-3).all(), f"alpha = {alpha}: {energy.mean.squeeze(-1).tolist()}"
 
@@ -25,7 +25,7 @@ def test_the_furnace_is_white(material, scattering, distribution, generator):
 def test_one_bounce_is_dark(distribution, generator):
     """What the furnace test is for: a single bounce at α = 1 loses more than half at normal incidence."""
     surface = bsdf("conductor[ideal]", "single", distribution, (1.0,))
-    energy = furnace(surface, direction(0.0)[None], surface.uniforms((1,), 20_000, generator=generator))
+    energy = white_furnace(surface, direction(0.0)[None], surface.uniforms((1,), 20_000, generator=generator))
     assert 0.25 < float(energy.mean) < 0.5
 
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from torchms import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.estimators.base import PathTracer
 from torchms.fresnel import Conductor, Dielectric, Schlick
-from torchms.testing import estimate, exactly, p_value, z_score
+from torchms.testing import estimate, exactly, p_value, zscore
 
 PARAMETERS: dict[str, dict[str, list[float]]] = {
     "conductor[conductor]": {"eta": [0.4, 1.2], "k": [3.0, 2.0]},
@@ -97,5 +97,5 @@ def test_mean_gradient_is_the_slope_of_the_mean(material, scattering, distributi
         for k, gradient in enumerate(gradients):
             slope = (ahead[:, k] - behind[:, k]) / (2 * STEP)
             mean = 0 if gradient[i] is None else gradient[i].reshape(n, -1).sum(1)
-            p.append(p_value(z_score(estimate(slope - mean), exactly(torch.zeros(())), rounding=error)))
+            p.append(p_value(zscore(estimate(slope - mean), exactly(torch.zeros(())), rounding=error)))
     budget(torch.stack(p))

@@ -15,7 +15,7 @@ from torch import Tensor
 from torchms import RoughConductor, RoughDielectric, RoughDiffuse, Scattering
 from torchms.estimators.base import PathTracer
 from torchms.fresnel import Conductor, Dielectric, Schlick
-from torchms.testing import estimate, p_value, z_score
+from torchms.testing import estimate, p_value, zscore
 
 MAX_ORDER = 3
 
@@ -118,9 +118,9 @@ def compared(problem: Problem, n: int, seed: int, common: bool, order: int = 2) 
     step = STEPS[order]
     error = 2 * step**2 * (scale + scale.max()) if order == 2 else 5e3 * step**4 * scale + 1e-9
     if common:
-        z = z_score(estimate(mine - theirs), estimate(torch.zeros_like(mine)), rounding=error)
+        z = zscore(estimate(mine - theirs), estimate(torch.zeros_like(mine)), rounding=error)
     else:
-        z = z_score(estimate(mine), estimate(theirs), rounding=error)
+        z = zscore(estimate(mine), estimate(theirs), rounding=error)
     names = list(problem.variables)
     return p_value(z), lambda i: f"{names[i // MAX_ORDER]}, order {i % MAX_ORDER + 1}"
 
@@ -161,7 +161,7 @@ def test_attached_directions_miss_the_jump(estimator, seed):
     n = 4_000 if "bidirectional" in estimator else 16_000
     held = estimate(gradients(problem, n, torch.Generator().manual_seed(seed)))
     moved = estimate(gradients(problem._replace(attached=True), n, torch.Generator().manual_seed(seed + 1)))
-    assert float(z_score(held, moved)[..., 1].abs().max()) > 6
+    assert float(zscore(held, moved)[..., 1].abs().max()) > 6
 
 
 @each("material", MATERIALS)

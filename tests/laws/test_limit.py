@@ -16,7 +16,7 @@ from torch import Tensor
 
 from torchms import BSDF
 from torchms.masking import G1_dist, G2_dist
-from torchms.testing import Estimate, estimate, p_value, z_score
+from torchms.testing import Estimate, estimate, p_value, zscore
 
 PAIRS = 8
 PATHS = 4_000
@@ -57,7 +57,7 @@ def test_one_order_is_a_single_bounce(material, scattering, generator, budget):
     factor = separable(surface, wi, wo) if scattering.endswith("uncorrelated") else 1.0
     theirs = Estimate(single.mean * factor, single.stderr * factor, single.n)
     assert (theirs.mean > 0).double().mean() > 0.4, "glass is dark between most pairs of sides, no more"
-    budget(p_value(z_score(ours, theirs, rounding=1e-9 * theirs.mean)))
+    budget(p_value(zscore(ours, theirs, rounding=1e-9 * theirs.mean)))
 
 
 @each("distribution", ELLIPTIC)

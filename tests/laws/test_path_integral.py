@@ -7,7 +7,7 @@ from torch import Tensor
 
 from torchms import BSDF, Segment
 from torchms.frame import Vec3, split
-from torchms.testing import estimate, exactly, p_value, sphere_cells, z_score
+from torchms.testing import estimate, exactly, p_value, sphere_cells, zscore
 
 MIRRORS = ("conductor[ideal]", "conductor[schlick]")
 
@@ -33,7 +33,7 @@ def test_second_order_is_the_integral(material, distribution, segment, generator
     u = surface.uniforms((4, 20_000), 1, generator=generator)
     ours = estimate(surface.orders(wi[:, None], wo[:, None], u)[..., 1, -1], dim=1)
     truth = torch.stack([second_order(surface, SEGMENTS[segment](), *pair) for pair in zip(wi, wo, strict=True)])
-    budget(p_value(z_score(ours, exactly(truth), rounding=1e-5)))
+    budget(p_value(zscore(ours, exactly(truth), rounding=1e-5)))
 
 
 @each("distribution", DISTRIBUTIONS)

@@ -4,7 +4,7 @@ import pytest
 import torch
 from cases import DISTRIBUTIONS, MATERIALS, bsdf, directions, each, is_dear, models, transmits
 
-from torchms.testing import p_value, reciprocal_pair, z_score
+from torchms.testing import p_value, reciprocity, zscore
 
 SMOOTH = [m for m in MATERIALS if not m.startswith("diffuse")]
 PAIRS = 8
@@ -24,7 +24,7 @@ def pairs(material, generator, n=PAIRS, least=0.02):
 @each("distribution", DISTRIBUTIONS)
 def test_one_bounce_is_reciprocal(material, distribution, generator):
     """To rounding in float64, η² included, across every pair of sides."""
-    there, back = reciprocal_pair(bsdf(material, "single", distribution), *pairs(material, generator, 1000))
+    there, back = reciprocity(bsdf(material, "single", distribution), *pairs(material, generator, 1000))
     assert (there.mean > 0).double().mean() > 0.3
     torch.testing.assert_close(there.mean, back.mean, rtol=1e-12, atol=1e-15)
 
@@ -61,5 +61,5 @@ def test_reciprocity_in_expectation(material, scattering, distribution, generato
     wi, wo = pairs(material, generator, least=0.3)
     n = 6_000 if is_dear(distribution, scattering) else 20_000  # two walks are less noisy than one
     u = surface.uniforms((2, PAIRS), n, generator=generator)
-    p = p_value(z_score(*reciprocal_pair(surface, wi, wo, u[0], u[1]), rounding=FLOOR))
+    p = p_value(zscore(*reciprocity(surface, wi, wo, u[0], u[1]), rounding=FLOOR))
     budget(p, lambda i: f"pair {i // p[0].numel()}, order {i % p[0].numel() // p.shape[-1] + 1}")

@@ -8,7 +8,7 @@ from torchms.fresnel import Ideal
 from torchms.render.camera import Camera
 from torchms.render.film import render
 from torchms.render.lights import ConstantLight, DirectionalLight, Environment
-from torchms.testing import p_value, z_score
+from torchms.testing import p_value, zscore
 from torchms.testing.zscore import Estimate
 
 SLAB = Camera((0.4, 1.5, 0.4), fov=20.0)
@@ -26,7 +26,7 @@ def test_the_three_samplings_agree(scene, glass, sky, seed, budget):
             )
             error = picture.stderr.double().square().sum((0, 1)).sqrt() / 256
             found[sampling] = Estimate(picture.mean.double().mean((0, 1)), error, 256 * 96)
-        p += [p_value(z_score(found["mis"], found[other])) for other in ("light", "bsdf")]
+        p += [p_value(zscore(found["mis"], found[other])) for other in ("light", "bsdf")]
         # The balance heuristic is near the better of the two, and which one that is depends on light and surface.
         worse = torch.maximum(found["light"].stderr, found["bsdf"].stderr)
         assert (found["mis"].stderr < worse).all(), f"{shape}: {found}"

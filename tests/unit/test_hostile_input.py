@@ -12,7 +12,7 @@ import torchms
 from torchms import GGX, GTR, Beckmann, Correlated, RoughConductor, RoughDiffuse, SingleBounce, Stream, Unidirectional
 from torchms.fresnel import Conductor, Dielectric, Ideal, Schlick
 from torchms.lobes import measure
-from torchms.testing import chi_square, chi_square_p_value, furnace, law_suite, reciprocal_pair, sidak
+from torchms.testing import chi_square, chi_square_p_value, law_suite, reciprocity, sidak, white_furnace
 
 pytestmark = pytest.mark.usefixtures("messages")
 DRAWING = [name for name in METHODS if name != "pdf"]
@@ -249,20 +249,28 @@ REFUSED = {
         r"same sum; got 3 and 6",
     ),
     "a furnace of a distribution": (
-        lambda: furnace(GGX(0.5), UP, torch.rand(1, 4, 3)),
+        lambda: white_furnace(GGX(0.5), UP, torch.rand(1, 4, 3)),
         TypeError,
         r"takes a BSDF.*GGX",
     ),
-    "a furnace of one path": (lambda: furnace(CONDUCTOR, UP, torch.rand(1, 1, 3)), ValueError, r"at least 2 samples"),
-    "reciprocity of a distribution": (lambda: reciprocal_pair(GGX(0.5), UP, UP), TypeError, r"takes a BSDF; got GGX"),
+    "a furnace of one path": (
+        lambda: white_furnace(CONDUCTOR, UP, torch.rand(1, 1, 3)),
+        ValueError,
+        r"at least 2 samples",
+    ),
+    "reciprocity of a distribution": (lambda: reciprocity(GGX(0.5), UP, UP), TypeError, r"takes a BSDF; got GGX"),
     "a level of 1": (lambda: sidak(1.0, 3), ValueError, r"level must lie in \(0, 1\); got 1"),
     "no tests": (lambda: sidak(0.01, 0), ValueError, r"tests must be at least 1; got 0"),
     "a suite of one sample": (lambda: law_suite(GGX(0.5), samples=1), ValueError, r"samples=.*at least 100; got 1"),
     "a suite's seed": (lambda: law_suite(GGX(0.5), seed=1.5), ValueError, r"seed=.*integer.*got 1\.5"),
     "a suite's level": (lambda: law_suite(GGX(0.5), level=0.0), ValueError, r"level=.*\(0, 1\); got 0"),
     "NaN, compiled": (lambda: torchms.compile(CONDUCTOR).pdf(NAN, UP), ValueError, r"wi must hold unit vectors"),
-    "NaN, furnace": (lambda: furnace(CONDUCTOR, NAN, torch.rand(1, 4, 3)), ValueError, r"wi must hold unit vectors"),
-    "NaN, reciprocity": (lambda: reciprocal_pair(CONDUCTOR, UP, NAN), ValueError, r"wo must hold unit vectors"),
+    "NaN, furnace": (
+        lambda: white_furnace(CONDUCTOR, NAN, torch.rand(1, 4, 3)),
+        ValueError,
+        r"wi must hold unit vectors",
+    ),
+    "NaN, reciprocity": (lambda: reciprocity(CONDUCTOR, UP, NAN), ValueError, r"wo must hold unit vectors"),
     "NaN, measure": (lambda: measure(CONDUCTOR, NAN[0], n_paths=9, progress=False), ValueError, r"wi"),
 }
 

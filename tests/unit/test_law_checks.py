@@ -13,13 +13,13 @@ from torchms.testing import (
     combined,
     estimate,
     exactly,
-    furnace,
     p_value,
-    reciprocal_pair,
-    share_z_score,
+    reciprocity,
+    share_zscore,
     sidak,
     sphere_cells,
-    z_score,
+    white_furnace,
+    zscore,
 )
 
 F64 = torch.float64
@@ -37,8 +37,8 @@ def test_estimate_is_the_mean_and_its_error(generator):
 def test_z_and_p():
     a = Estimate(torch.tensor([1.0, 1.0, 2.0], dtype=F64), torch.tensor([0.3, 0.0, 0.0], dtype=F64), 10)
     b = Estimate(torch.tensor([0.5, 1.0, 1.0], dtype=F64), torch.tensor([0.4, 0.0, 0.0], dtype=F64), 10)
-    assert z_score(a, b).tolist() == pytest.approx([1.0, 0.0, math.inf])
-    assert z_score(a, b, rounding=0.5).tolist() == pytest.approx([0.0, 0.0, math.inf])
+    assert zscore(a, b).tolist() == pytest.approx([1.0, 0.0, math.inf])
+    assert zscore(a, b, rounding=0.5).tolist() == pytest.approx([0.0, 0.0, math.inf])
     assert p_value(torch.tensor([0.0, -1.959964, math.inf])).tolist() == pytest.approx([1, 0.05, 0], abs=1e-6)
 
 
@@ -49,12 +49,12 @@ def test_rare_shares_are_compared_as_counts():
         Estimate(torch.tensor(k * 1e-6, dtype=F64), torch.tensor(math.sqrt(k) * 1e-6, dtype=F64), 10**6)
         for k in (3, 30)
     )
-    assert abs(share_z_score(none, none)) == 0
-    assert abs(share_z_score(none, few)) < 2.5
-    assert share_z_score(none, many) < -5
+    assert abs(share_zscore(none, none)) == 0
+    assert abs(share_zscore(none, few)) < 2.5
+    assert share_zscore(none, many) < -5
     half = exactly(torch.tensor(0.5))
     frequent = Estimate(torch.tensor(0.51, dtype=F64), torch.tensor(0.001, dtype=F64), 10**4)
-    assert float(share_z_score(frequent, Estimate(half.mean, half.stderr, 10**9))) == pytest.approx(10)
+    assert float(share_zscore(frequent, Estimate(half.mean, half.stderr, 10**9))) == pytest.approx(10)
 
 
 def test_one_budget():
@@ -104,10 +104,10 @@ def test_quadrature_finds_peaks_and_edges():
 
 def test_a_dark_surface_fails_the_furnace(generator):
     surface = bsdf("conductor[conductor]", "invariance", max_order=20)
-    energy = furnace(surface, direction(0.5)[None], surface.uniforms((1,), 500, generator=generator))
+    energy = white_furnace(surface, direction(0.5)[None], surface.uniforms((1,), 500, generator=generator))
     assert energy.mean.shape == (1, 3) and (energy.mean < 0.99).all()
 
 
 def test_reciprocity_wants_numbers_where_values_are_estimates():
     with pytest.raises(ValueError, match=r"u_back=.*needed"):
-        reciprocal_pair(bsdf("diffuse", "single"), direction(0.5), direction(0.6))
+        reciprocity(bsdf("diffuse", "single"), direction(0.5), direction(0.6))

@@ -9,7 +9,7 @@ from cases import bsdf, direction, each, models
 from torchms import GGX, RoughConductor
 from torchms.fresnel import Ideal
 from torchms.lobes import measure
-from torchms.testing import Estimate, estimate, p_value, z_score
+from torchms.testing import Estimate, estimate, p_value, zscore
 
 WI = direction(0.8)
 
@@ -26,7 +26,7 @@ def test_measure_is_the_albedo(material, scattering, generator, budget):
         (tally.transmitted, tally.transmitted_stderr, surface.albedo(WI, u).transmitted),
     ):
         theirs = estimate(paths)
-        p.append(p_value(z_score(Estimate(mean, error, tally.n), theirs)))
+        p.append(p_value(zscore(Estimate(mean, error, tally.n), theirs)))
         frequent = theirs.mean > 0.01
         torch.testing.assert_close(error[frequent], theirs.stderr[frequent], rtol=0.1, atol=0)
     budget(torch.stack(p))

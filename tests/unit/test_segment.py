@@ -10,7 +10,7 @@ from torch import Tensor
 
 from torchms.paths.height import RandomHeight
 from torchms.paths.segment import Invariance, Leg
-from torchms.testing import estimate, exactly, p_value, z_score
+from torchms.testing import estimate, exactly, p_value, zscore
 
 RTOL, ATOL = TOLERANCES[torch.float64]
 LENGTHS = range(1, 8)
@@ -97,7 +97,7 @@ def test_random_heights_are_the_height_walk(k, generator, budget):
     last = Lambda[:, -1].expand(50_000, 6)
     ours = estimate(RandomHeight().escape(state, Leg(last, last > 0)))
     truth = torch.tensor([height_walk(tuple(path)) for path in Lambda.tolist()], dtype=torch.float64)
-    budget(p_value(z_score(ours, exactly(truth), rounding=1e-9)))
+    budget(p_value(zscore(ours, exactly(truth), rounding=1e-9)))
 
 
 @each("segment", SEGMENTS)

@@ -8,7 +8,7 @@ from cases import DISTRIBUTIONS, bsdf, direction, directions, each, sides
 from torch import Tensor
 
 from torchms.frame import Vec3, split
-from torchms.testing import chi_square, estimate, exactly, p_value, sphere_cells, z_score
+from torchms.testing import chi_square, estimate, exactly, p_value, sphere_cells, zscore
 
 VERTICES = {"conductor": "conductor[ideal]", "dielectric": "dielectric", "diffuse": "diffuse[white]"}
 VIEWS = {"above": 0.6, "grazing": 1.5, "below": 2.2}
@@ -48,7 +48,7 @@ def test_density_is_that_of_the_samples(vertex, distribution, view, generator, b
                 return model.transport(at(w, len(x)), split(x), here, torch.full((len(x),), transmitted))
 
             share = float(sphere_cells(density, *resolution).sum())
-            p.append(float(p_value(z_score(estimate(chosen.double()), exactly(torch.tensor(share)), rounding=1e-3))))
+            p.append(float(p_value(zscore(estimate(chosen.double()), exactly(torch.tensor(share)), rounding=1e-3))))
             if share > 0.2:  # its error is that of the quadrature over the share
                 p.append(chi_square(fold * d[chosen], lambda x, f=density, s=share: f(x) / s, *resolution))
     budget(p)
@@ -101,7 +101,7 @@ def test_diffuse_phase_is_an_estimate_of_its_density(distribution, generator, bu
                 lambda m: model.distribution.D_visible(one, m) * (m @ other).clamp_min(0), (16, 16), 1e-6
             ).sum()
         )
-    budget(p_value(z_score(estimate(phase), exactly(torch.stack(truth) / math.pi), rounding=1e-5)))
+    budget(p_value(zscore(estimate(phase), exactly(torch.stack(truth) / math.pi), rounding=1e-5)))
 
 
 def test_total_reflection_transmits_nothing(generator):

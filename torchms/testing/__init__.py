@@ -5,9 +5,9 @@ estimates); what they must be is for the caller to say. Random numbers are argum
 """
 
 from torchms.testing.chi_square import chi_square, chi_square_p_value
-from torchms.testing.furnace import furnace
+from torchms.testing.furnace import white_furnace
 from torchms.testing.quadrature import sphere_cells
-from torchms.testing.reciprocity import reciprocal_pair
+from torchms.testing.reciprocity import reciprocity
 from torchms.testing.report import Law, Report
 from torchms.testing.suite import law_suite
 from torchms.testing.zscore import (
@@ -16,9 +16,9 @@ from torchms.testing.zscore import (
     estimate,
     exactly,
     p_value,
-    share_z_score,
+    share_zscore,
     sidak,
-    z_score,
+    zscore,
 )
 
 __all__ = [
@@ -30,12 +30,12 @@ __all__ = [
     "combined",
     "estimate",
     "exactly",
-    "furnace",
     "law_suite",
     "p_value",
-    "reciprocal_pair",
-    "share_z_score",
+    "reciprocity",
+    "share_zscore",
     "sidak",
     "sphere_cells",
-    "z_score",
+    "white_furnace",
+    "zscore",
 ]

@@ -6,7 +6,7 @@ from torchms.bsdfs.base import BSDF
 from torchms.testing.zscore import Estimate, estimate
 
 
-def furnace(bsdf: BSDF, wi: Tensor, u: Tensor) -> Estimate:
+def white_furnace(bsdf: BSDF, wi: Tensor, u: Tensor) -> Estimate:
     """Energy that leaves on either side, all orders and channels, of light from each `wi` (*batch, 3): (*batch, C).
 
     For lossless facets it is 1, less what has not left after `max_order` bounces. `u` from `bsdf.uniforms` (*batch, N, D);
@@ -14,7 +14,7 @@ def furnace(bsdf: BSDF, wi: Tensor, u: Tensor) -> Estimate:
     """
     if not isinstance(bsdf, BSDF) or not isinstance(u, Tensor):
         raise TypeError(
-            "furnace(bsdf, wi, u) takes a BSDF and the tensor of numbers that its uniforms() gives; "
+            "white_furnace(bsdf, wi, u) takes a BSDF and the tensor of numbers that its uniforms() gives; "
             f"got {type(bsdf).__name__} and {type(u).__name__}."
         )
     energies = bsdf.albedo(wi.unsqueeze(-2), u.unsqueeze(-2))

@@ -8,7 +8,7 @@ from torchms.bsdfs.rough_dielectric import RoughDielectric
 from torchms.testing.zscore import Estimate, estimate
 
 
-def reciprocal_pair(
+def reciprocity(
     bsdf: BSDF, wi: Tensor, wo: Tensor, u: Tensor | None = None, u_back: Tensor | None = None
 ) -> tuple[Estimate, Estimate]:
     """Estimates (*batch, K, C) of two numbers that are equal for a reciprocal BSDF, order by order.
@@ -18,7 +18,7 @@ def reciprocal_pair(
     back is divided by n², as the value there is. Raises TypeError if `bsdf` is none, ValueError if numbers are missing.
     """
     if not isinstance(bsdf, BSDF):
-        raise TypeError(f"reciprocal_pair(bsdf, ...) takes a BSDF; got {type(bsdf).__name__}.")
+        raise TypeError(f"reciprocity(bsdf, ...) takes a BSDF; got {type(bsdf).__name__}.")
     there = _orders(bsdf, wi, wo, u)
     back = _orders(bsdf, wo, wi, u_back)
     return _scaled(there, flux(bsdf, wi, wo)), _scaled(back, flux(bsdf, wo, wi))
@@ -33,7 +33,7 @@ def _orders(bsdf: BSDF, wi: Tensor, wo: Tensor, u: Tensor | None) -> Estimate:
         value = bsdf.orders(wi, wo).detach().double()
         return Estimate(value, torch.zeros_like(value), 1)
     if u is None:
-        raise ValueError("reciprocal_pair(u=..., u_back=...) are needed: the values of this BSDF are estimates.")
+        raise ValueError("reciprocity(u=..., u_back=...) are needed: the values of this BSDF are estimates.")
     return estimate(bsdf.orders(wi.unsqueeze(-2), wo.unsqueeze(-2), u.unsqueeze(-2)), dim=-3)
 
 

@@ -16,11 +16,11 @@ from torchms.bsdfs.rough_diffuse import RoughDiffuse
 from torchms.fresnel.ideal import Ideal
 from torchms.sampling.uniforms import draw
 from torchms.testing.chi_square import Comparison, compared
-from torchms.testing.furnace import furnace
+from torchms.testing.furnace import white_furnace
 from torchms.testing.plain import direction, edges, parameters, rebuilt, slope_error, unfinished
-from torchms.testing.reciprocity import flux, reciprocal_pair
+from torchms.testing.reciprocity import flux, reciprocity
 from torchms.testing.report import Check
-from torchms.testing.zscore import Estimate, combined, estimate, exactly, p_value, z_score
+from torchms.testing.zscore import Estimate, combined, estimate, exactly, p_value, zscore
 
 Numbers = Callable[[Sequence[int], int], Tensor]
 """Random numbers for a batch shape and a number of paths."""
@@ -112,13 +112,13 @@ def walks(bsdf: BSDF, wi: Tensor, samples: int, numbers: Numbers) -> tuple[float
     wo, weight, order = bsdf.sample_walk(wi, numbers((), samples))
     k = torch.arange(1, bsdf.max_order + 1)
     by_walk = moments(wo, weight[:, None, :] * (order[:, None] == k)[..., None])
-    p = p_value(z_score(by_value, by_walk, rounding=SHARE)).nan_to_num(0.0)
+    p = p_value(zscore(by_value, by_walk, rounding=SHARE)).nan_to_num(0.0)
     return combined(p.reshape(-1)), f"worst order {1 + int(p.reshape(len(k), -1).amin(1).argmin())}"
 
 
 def _energies(bsdf: BSDF, views: dict[str, Tensor], samples: int, numbers: Numbers) -> Estimate:
     n = max(256, samples // 10)
-    return furnace(bsdf, torch.stack(list(views.values())), numbers((len(views),), n))
+    return white_furnace(bsdf, torch.stack(list(views.values())), numbers((len(views),), n))
 
 
 def gained(bsdf: BSDF, views: dict[str, Tensor], samples: int, numbers: Numbers) -> tuple[float, str]:
@@ -142,7 +142,7 @@ def lost(bsdf: BSDF, views: dict[str, Tensor], samples: int, numbers: Numbers) -
 
 def reciprocal_values(bsdf: BSDF, wi: Tensor, wo: Tensor) -> float:
     """Largest relative difference of the two ways, where values are exact."""
-    there, back = reciprocal_pair(bsdf, wi, wo)
+    there, back = reciprocity(bsdf, wi, wo)
     return float(((there.mean - back.mean).abs() / (1e-9 + there.mean.abs() + back.mean.abs())).max())
 
 
@@ -160,7 +160,7 @@ def reciprocal_walks(bsdf: BSDF, wi: Tensor, numbers: Numbers) -> float:
     features.append(lambda w: torch.ones(len(w), dtype=w.dtype))
     odd = [a(wi) * b(wo) - a(wo) * b(wi) for a, b in itertools.combinations(features, 2)]
     mean = estimate(torch.stack([carried * g[:, None, None] for g in odd], -1))
-    return combined(p_value(z_score(mean, exactly(torch.zeros(())), rounding=SHARE)).nan_to_num(0.0).reshape(-1))
+    return combined(p_value(zscore(mean, exactly(torch.zeros(())), rounding=SHARE)).nan_to_num(0.0).reshape(-1))
 
 
 def finite(bsdf: BSDF, dtype: torch.dtype) -> tuple[float, str]:

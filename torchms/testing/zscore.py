@@ -35,7 +35,7 @@ def exactly(value: Tensor) -> Estimate:
     return Estimate(value.double(), torch.zeros_like(value, dtype=torch.float64), 1)
 
 
-def z_score(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> Tensor:
+def zscore(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> Tensor:
     """(a − b) in standard errors of the difference; `rounding` is an absolute error that is not counted against it."""
     difference = a.mean - b.mean
     excess = difference.sign() * (difference.abs() - rounding).clamp_min(0)
@@ -43,8 +43,8 @@ def z_score(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> Tensor:
     return torch.where(excess == 0, 0.0, excess / error)
 
 
-def share_z_score(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> Tensor:
-    """`z_score` for means of samples in [0, 1] (shares of an energy), right for rare events too.
+def share_zscore(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> Tensor:
+    """`zscore` for means of samples in [0, 1] (shares of an energy), right for rare events too.
 
     Unless both relative standard errors are less than `NORMAL_BELOW`, a sample's standard error says little: the events that
     matter may not have occurred. Then the two are compared as if they were counts, by the signed root of the likelihood
@@ -54,7 +54,7 @@ def share_z_score(a: Estimate, b: Estimate, rounding: float | Tensor = 0.0) -> T
     ratio = a.n * _divergence(a.mean, pooled) + b.n * _divergence(b.mean, pooled)
     as_counts = (a.mean - b.mean).sign() * (2 * ratio).clamp_min(0).sqrt()
     normal = (a.stderr < NORMAL_BELOW * a.mean) & (b.stderr < NORMAL_BELOW * b.mean)
-    return torch.where(normal, z_score(a, b, rounding), as_counts)
+    return torch.where(normal, zscore(a, b, rounding), as_counts)
 
 
 def _divergence(p: Tensor, q: Tensor) -> Tensor:
