@@ -16,7 +16,7 @@ from torchms.module import Parametric, bound
 from torchms.sampling.stream import Stream
 
 BLOCK = 8192
-"""Rows × paths that are evaluated at a time."""
+"""Rows × paths that are evaluated at a time, unless a call says otherwise."""
 LARGEST = 1 << 48
 """Elements of a batch; more overflow what torch counts with, before they overflow every memory."""
 LANES = 64
@@ -78,12 +78,19 @@ def batch_shape(module: Parametric, directions: Sequence[Tensor], u: Tensor | St
 
 
 def run(
-    kernel: Kernel, module: Any, directions: Sequence[Tensor], u: Tensor | Stream | None, *, per_path: bool = False
+    kernel: Kernel,
+    module: Any,
+    directions: Sequence[Tensor],
+    u: Tensor | Stream | None,
+    *,
+    per_path: bool = False,
+    block: int | None = None,
 ) -> tuple[Tensor, ...]:
     """`kernel(module, *directions, numbers)` over blocks of rows and paths.
 
     The kernel sees directions as `Vec3` of (1, *rows) and numbers of (N, *rows), and returns tensors (*lead, *rows),
     mean over the paths, or (*lead, N, *rows) if `per_path`. The results are (*batch, *lead) and (*batch, N, *lead).
+    block: rows × paths of one; None for `BLOCK`, or what the engine was compiled for.
     """
     batch = batch_shape(module, directions, u)
     if torch.compiler.is_compiling():
@@ -103,7 +110,7 @@ def run(
     flat = bound(module, lambda p, channels: _flat_parameter(p, batch, channels))
 
     engine = module.engine if n_rows else None
-    size = BLOCK if engine is None else engine.block(module)
+    size = (block or BLOCK) if engine is None else engine.block(module)
     identity = None if engine is None else engine.identify(module)
     row_step = max(1, min(n_rows, size // max(1, n_paths)))
     if LANES < row_step < n_rows:

@@ -85,6 +85,23 @@ def check_random(u: Tensor | Stream | None, D: int, optional: bool, caller: str)
         )
 
 
+def check_block(block: int | None, compiled: bool, caller: str) -> None:
+    """Raise TypeError or ValueError if `block` is no size of a block, or what runs has one of its own."""
+    if block is None:
+        return
+    if isinstance(block, bool) or not isinstance(block, int):
+        raise TypeError(f"{caller}(block=...) must be an int or None; got {block!r}.")
+    if block < 1:
+        raise ValueError(
+            f"{caller}(block=...) must be at least 1; got {block}. Leave it out for the size that is fastest."
+        )
+    if compiled:
+        raise ValueError(
+            f"{caller}(block={block}): compiled code runs in blocks of the size that it was compiled for. "
+            "Leave block out, or evaluate the BSDF that is not compiled."
+        )
+
+
 def check_parameters(module: nn.Module, given: Mapping[str, Tensor]) -> None:
     """Raise if parameters are of a dtype too short to compute in, or not on the device of the tensors that are given."""
     for name, p in (*module.named_parameters(), *module.named_buffers()):

@@ -1,11 +1,15 @@
 """Evaluation in blocks: how a batch is cut changes no number."""
 
+import math
+from unittest.mock import MagicMock
+
 import pytest
 import torch
 from cases import METHODS, bsdf, direction, directions, each, models
 from torch import nn
 
 from torchms import GGX, RoughConductor, RoughDielectric, RoughDiffuse, Uncorrelated, Unidirectional, blocks
+from torchms.compiled import Engine
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = (1, 3, 7)
@@ -27,6 +31,46 @@ def test_blocks_change_nothing(method, material, scattering, generator, monkeypa
     for size in SMALL:
         monkeypatch.setattr(blocks, "BLOCK", size)
         same(METHODS[method](surface, wi, wo, u), whole)
+
+
+def called(surface, method, block):
+    """A method's result at some rows, by its own argument `block`."""
+    generator = torch.Generator().manual_seed(0)
+    wi, wo = directions(5, generator), directions(5, generator)
+    u = surface.uniforms((5,), 4, generator=generator)
+    given = {"forward": (wi, wo, u), "orders": (wi, wo, u), "pdf": (wi, wo)}.get(method, (wi, u))
+    found = getattr(surface, method if method != "forward" else "__call__")(*given, block=block)
+    return found if isinstance(found, tuple) else (found,)
+
+
+@each("method", METHODS)
+def test_the_block_is_an_argument(method, monkeypatch):
+    """Every method takes it and cuts by it, with the results of the default."""
+    surface = bsdf("conductor[conductor]", "bidirectional-invariance")
+    whole = called(surface, method, None)
+    paths = 1 if method == "pdf" else 4
+    counted = MagicMock(wraps=blocks._components)
+    monkeypatch.setattr(blocks, "_components", counted)
+    for size in (*SMALL, 10, 1000):
+        counted.reset_mock()
+        same(called(surface, method, size), whole)
+        assert counted.call_count == math.ceil(5 / max(1, size // paths))
+
+
+@each("method", METHODS)
+@pytest.mark.parametrize("block", [0, -8, True], ids=str)
+def test_no_block_of_no_size(method, block):
+    with pytest.raises((TypeError, ValueError), match=rf"{method}\(block=...\) must be .*; got {block}"):
+        called(bsdf("conductor[conductor]", "single"), method, block)
+
+
+def test_compiled_code_takes_no_block():
+    surface = bsdf("conductor[conductor]", "single")
+    surface.engine = Engine(verbose=False)
+    with pytest.raises(
+        ValueError, match=r"forward\(block=64\): compiled code runs in blocks of the size .* Leave block"
+    ):
+        called(surface, "forward", 64)
 
 
 @each("method", METHODS)

@@ -18,7 +18,7 @@ from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
 from torchms.sampling.stream import Stream
 from torchms.typing import Direction, Orders, Scalar, Spectrum, Uniforms
-from torchms.validation import check_parameters, check_random, check_unit, check_unit_interval
+from torchms.validation import check_block, check_parameters, check_random, check_unit, check_unit_interval
 
 
 class DirectionSample(NamedTuple):
@@ -124,46 +124,52 @@ class BSDF(Parametric):
             batch_shape, n_paths, self.n_uniforms, generator=generator, sequence=sequence, dtype=self.dtype
         )
 
-    def forward(self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None) -> Spectrum:
+    def forward(
+        self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None
+    ) -> Spectrum:
         """f(wi, wo) · |cos θ_o| [1/sr], summed over the orders, mean over the N paths of `u`.
 
         `u` may be left out where the scattering is deterministic. Rows on a side that the surface does not serve are 0.
+        `block`, here and below: rows × paths that are evaluated at a time, `torchms.blocks.BLOCK` if it is left out;
+        results depend on it in their last bits at most. Compiled code has a block of its own, and takes none.
         float16 and bfloat16 arguments are widened to float32, also under `torch.autocast`. Raises ValueError if a shape
-        or a device does not fit, TypeError for a dtype that does not.
+        or a device does not fit, or `block` is not above 0 or given to compiled code, TypeError for a dtype that does not.
         """
         exact = self.scattering.is_deterministic(self.vertex)
-        return self._run(_forward, {"wi": wi, "wo": wo}, u, "forward", optional=exact)[0]
+        return self._run(_forward, {"wi": wi, "wo": wo}, u, "forward", block, optional=exact)[0]
 
-    def orders(self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None) -> Orders:
+    def orders(
+        self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None
+    ) -> Orders:
         """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
         exact = self.scattering.is_deterministic(self.vertex)
-        return self._run(_orders, {"wi": wi, "wo": wo}, u, "orders", optional=exact)[0]
+        return self._run(_orders, {"wi": wi, "wo": wo}, u, "orders", block, optional=exact)[0]
 
-    def sample(self, wi: Direction, u: Uniforms | Stream) -> DirectionSample:
+    def sample(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> DirectionSample:
         """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
 
         For a `wi` on a side that the surface does not serve, pdf = 0.
         """
-        return DirectionSample(*self._run(_sample, {"wi": wi}, u, "sample", per_path=True))
+        return DirectionSample(*self._run(_sample, {"wi": wi}, u, "sample", block, per_path=True))
 
-    def pdf(self, wi: Direction, wo: Direction) -> Scalar:
+    def pdf(self, wi: Direction, wo: Direction, *, block: int | None = None) -> Scalar:
         """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
-        return self._run(_pdf, {"wi": wi, "wo": wo}, None, "pdf", optional=True)[0]
+        return self._run(_pdf, {"wi": wi, "wo": wo}, None, "pdf", block, optional=True)[0]
 
-    def sample_walk(self, wi: Direction, u: Uniforms | Stream) -> WalkSample:
+    def sample_walk(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> WalkSample:
         """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
 
         Its expectation is that of the model in the scattering slot.
         """
-        wo, weight, order = self._run(_walk, {"wi": wi}, u, "sample_walk", per_path=True)
+        wo, weight, order = self._run(_walk, {"wi": wi}, u, "sample_walk", block, per_path=True)
         return WalkSample(wo, weight, order.to(torch.int64))
 
-    def albedo(self, wi: Direction, u: Uniforms | Stream) -> Albedo:
+    def albedo(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> Albedo:
         """Share of the energy from `wi` that leaves after each order, on either side; mean over the N paths.
 
         No η² factor, whatever the mode.
         """
-        return Albedo(*self._run(_albedo, {"wi": wi}, u, "albedo"))
+        return Albedo(*self._run(_albedo, {"wi": wi}, u, "albedo", block))
 
     def _run(
         self,
@@ -171,6 +177,7 @@ class BSDF(Parametric):
         directions: dict[str, Tensor],
         u: Tensor | Stream | None,
         caller: str,
+        block: int | None,
         *,
         optional: bool = False,
         per_path: bool = False,
@@ -179,6 +186,7 @@ class BSDF(Parametric):
         for name, w in directions.items():
             check_direction(w, name)
         check_random(u, self.n_uniforms, optional, caller)
+        check_block(block, self.engine is not None, caller)
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
         check_unit(directions)
         if optional:
@@ -188,7 +196,7 @@ class BSDF(Parametric):
             u = widened(u)
         given = [widened(w) for w in directions.values()]
         with own_precision(given[0]):
-            return blocks.run(kernel, self, given, u, per_path=per_path)
+            return blocks.run(kernel, self, given, u, per_path=per_path, block=block)
 
 
 # The kernels: functions of components. Values are (C, N, …) with N = 1 where nothing was drawn.
