@@ -1,9 +1,10 @@
 """How noisy is a gradient, and is it right? Attached sampling beside held sampling, for every material and estimator.
 
 Signal to noise is |mean gradient| over the standard deviation of one path's. Bias is the distance of the mean from that of
-central differences with the same random numbers, relative to the slope, and z the largest of it in standard errors. Both are
-of d/dα_x: of the value of all orders from the second on, and of the reflected albedo; root mean squares over three pairs of
-directions.
+fourth-order differences with the same random numbers, relative to the slope, and z the largest of it in standard errors.
+Both are of d/dα_x: of the value of all orders from the second on, and of the reflected albedo; root mean squares over three
+pairs of directions. The albedo of glass (Beckmann, α = 0.2) has a large z without a bias: near the normal the differences
+rest on the rare paths that reflect at one α and refract at the next, and their standard error on how many were met.
 """
 
 import argparse
@@ -20,7 +21,8 @@ from torch import Tensor
 import torchms as ms
 from torchms.fresnel import Conductor, Dielectric
 
-STEP = 0.03
+STEP = 0.08
+"""Of the differences, relative to α_x. Of fourth order: those of second order are off by 10 % where a lobe is narrow."""
 PAIRS = (((0.5, 0.3, 0.6), (-0.2, 0.6, 0.5)), ((0.1, 0.0, 0.9), (0.6, 0.3, 0.5)), ((0.8, 0.1, 0.3), (-0.5, 0.2, 0.7)))
 """wi and wo, to be normalised."""
 ALPHAS = {"0.2": (0.2, 0.2), "0.5": (0.5, 0.5), "0.8, 0.4": (0.8, 0.4)}
@@ -80,8 +82,8 @@ def measured(
     start = torch.full(shape, alpha[0], dtype=torch.float64)
     u = surface(start, None).uniforms(shape, 1, generator=torch.Generator().manual_seed(1))
     with torch.no_grad():
-        ahead, behind = (quantity(name, surface(start + s * STEP, None), u) for s in (1, -1))
-    slope = (ahead - behind) / (2 * STEP)
+        at = {k: quantity(name, surface(start * (1 + k * STEP), None), u) for k in (-2, -1, 1, 2)}
+    slope = (8 * (at[1] - at[-1]) - (at[2] - at[-2])) / (12 * STEP * alpha[0])
 
     def gradient(attached: bool | None) -> Tensor:
         leaf = start.clone().requires_grad_()
@@ -104,7 +106,7 @@ def measured(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--paths", type=int, default=3_000)
+    parser.add_argument("--paths", type=int, default=12_000)
     parser.add_argument("--max-order", type=int, default=4)
     parser.add_argument("--quick", action="store_true", help="few paths; nothing is saved")
     options = parser.parse_args()
