@@ -88,10 +88,18 @@ def variance_and_time(bsdf: ms.BSDF, wi: Tensor, wo: Tensor, n: int) -> tuple[Te
     return variance, known, seconds(lambda: bsdf(rows, there, u))["median"] / len(rows)
 
 
-def geometric(ratio: Tensor) -> float:
-    """Geometric mean over the pairs where anything was seen."""
+def geometric(ratio: Tensor) -> float | None:
+    """Geometric mean over the pairs where anything was seen; None if that is none of them."""
     good = (ratio > 0) & ratio.isfinite()
-    return float(ratio[good].log().mean().exp()) if bool(good.any()) else float("nan")
+    return float(ratio[good].log().mean().exp()) if bool(good.any()) else None
+
+
+def times(ratio: float | None, time_ratio: float) -> float | None:
+    return None if ratio is None else ratio * time_ratio
+
+
+def cell(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 @torch.no_grad()
@@ -135,7 +143,7 @@ def main() -> None:
                     "variance_ratio_cos_above_0.2": geometric(ratio[high]),
                     "pairs_cos_above_0.2": int(high.sum()),
                     "time_ratio": time / their_time,
-                    "variance_times_time_ratio": geometric(ratio) * time / their_time,
+                    "variance_times_time_ratio": times(geometric(ratio), time / their_time),
                 }
                 rows.append(row)
                 cells = (
@@ -143,11 +151,11 @@ def main() -> None:
                     label,
                     K,
                     other,
-                    *(f"{row[k]:.3f}" for k in ("variance_ratio", "variance_ratio_cos_above_0.2")),
+                    *(cell(row[k], 3) for k in ("variance_ratio", "variance_ratio_cos_above_0.2")),
                     row["pairs_known"],
-                    f"{row['variance_ratio_of_known']:.3f}",
+                    cell(row["variance_ratio_of_known"], 3),
                 )
-                cells = (*cells, f"{row['variance_times_time_ratio']:.2f}")
+                cells = (*cells, cell(row["variance_times_time_ratio"], 2))
                 print("  ".join(str(c).rjust(w) for c, w in zip(cells, widths, strict=True)), flush=True)
     if not options.quick:
         save("variance", rows)
