@@ -21,9 +21,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from torchms.files import check_writable, write_json
 from torchms.microsurface.comparison import MATERIALS, MODELS, SIMULATION, Case, energies, gap
 from torchms.microsurface.grid_walk import GridTracer
+from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 
 ALPHAS = ((0.25, 0.25), (0.5, 0.5), (1.0, 1.0), (1.0, 0.1))

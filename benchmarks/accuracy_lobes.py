@@ -22,7 +22,6 @@ from record import RESULTS, birth_certificate, seconds
 from torch import Tensor
 
 import torchms as ms
-from torchms.files import check_writable, write_json
 from torchms.fresnel import Conductor, Fresnel, Ideal
 from torchms.lobes import measure
 from torchms.lobes.measure import incident_angles
@@ -30,6 +29,7 @@ from torchms.microsurface.grid_walk import GridTracer
 from torchms.microsurface.heightfield import GaussianSurfaces
 from torchms.microsurface.materials import Mirror
 from torchms.microsurface.simulation import simulate
+from torchms.storage.write import check_writable, write_json
 
 matplotlib.use("Agg")
 

@@ -18,7 +18,7 @@ from record import save
 from torch import Tensor
 
 from torchms import GGX
-from torchms.frame import Vec3, normalized, split
+from torchms.maths.frame import Vec3, normalized, split
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 F64 = torch.float64

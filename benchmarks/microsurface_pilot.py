@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import tyro
 
-from torchms.files import check_writable, write_json
 from torchms.microsurface import EmbreeTracer, GaussianSurfaces, GridTracer, Heightfield, Mirror, Refractive, simulate
 from torchms.microsurface.facets import launch
 from torchms.microsurface.grid import Grid, Paths
+from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 
 PILOT = {

@@ -21,13 +21,13 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from torchms.files import check_writable, write_json
 from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, Mirror
 from torchms.microsurface.facets import launch, settle
 from torchms.microsurface.grid import Grid, Paths
 from torchms.microsurface.plan import Partial
 from torchms.microsurface.simulation import make_plan, run_shards
 from torchms.microsurface.tracer import Caster, Tracer
+from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 
 TRACERS: tuple[Tracer, ...] = (EmbreeTracer(), GridTracer())

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 import torchms
-from torchms.files import write_json
+from torchms.storage.write import write_json
 
 RESULTS = Path(__file__).parent / "results"
 

@@ -23,8 +23,8 @@ import yardstick
 from record import RESULTS, birth_certificate
 
 import torchms as ms
-from torchms.files import write_json
 from torchms.fresnel import Conductor, Ideal
+from torchms.storage.write import write_json
 
 ROWS = 1 << 20
 REPEATS = 7

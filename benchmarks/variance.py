@@ -14,9 +14,9 @@ from torch import Tensor
 import torchms as ms
 from torchms.estimators.base import PathTracer
 from torchms.fresnel import Dielectric, Ideal
-from torchms.numerics import log1p
+from torchms.maths.numerics import log1p
 from torchms.paths.height import HeightState, RandomHeight
-from torchms.paths.segment import Leg
+from torchms.paths.segments import Leg
 from torchms.sampling.stream import Stream
 
 ALPHAS = {"0.25": (0.25,), "0.5": (0.5,), "1": (1.0,), "1,0.1": (1.0, 0.1)}

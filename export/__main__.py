@@ -54,12 +54,12 @@ PARAMETERS = {
 
 def entries(options: Options):
     """Write and compare file after file."""
-    from torchms.files import write_whole
     from torchms.onnx.check import check
     from torchms.onnx.command import SCATTERINGS, build
     from torchms.onnx.exporter import checked, exported
     from torchms.onnx.options import ExportOptions
     from torchms.onnx.table import Entry
+    from torchms.storage.write import write_whole
 
     for name in options.scatterings:
         if name not in SCATTERINGS:
@@ -104,8 +104,8 @@ def entries(options: Options):
 def main() -> int:
     """Run; the exit code."""
     options = tyro.cli(Options, description=__doc__)
-    from torchms.files import check_writable, write_json
     from torchms.onnx.table import FOOTNOTE, table
+    from torchms.storage.write import check_writable, write_json
 
     done = []
     try:

@@ -44,7 +44,7 @@ FAULTS = (
     ),
     Fault(
         "η² of the refraction's Jacobian dropped",
-        "paths/vertex.py",
+        "paths/refractive.py",
         "* wh * dh.abs() * (n * n), length2)",
         "* wh * dh.abs(), length2)",
         ("tests/unit/test_vertex.py",),
@@ -79,7 +79,7 @@ FAULTS = (
     ),
     Fault(
         "argument of the Beta function",
-        "masking.py",
+        "paths/masking.py",
         "torch.exp(log_beta_step(a, lam))",
         "torch.exp(log_beta_step(a, 1 + lam))",
         ("tests/unit/test_masking.py",),
@@ -156,21 +156,21 @@ FAULTS = (
     ),
     Fault(
         "split of a path at its highest collision",
-        "paths/segment.py",
+        "paths/segments/invariance.py",
         "splits = range(i, j) if not state.monotone or i == j - 1 else (i, j - 1)",
         "splits = (i, j - 1) if i < j - 1 else range(i, j)",
         ("tests/unit/test_segment.py", "-k", "height_walk or refutes"),
     ),
     Fault(
         "share of a block of paths",
-        "blocks.py",
+        "evaluation/blocks.py",
         "share = (paths.stop - paths.start) / self.n_paths",
         "share = (paths.stop - paths.start + 1) / self.n_paths",
         ("tests/unit/test_blocks.py", "-k", "conductor and uncorrelated and forward"),
     ),
     Fault(
         "last element of a compiled block",
-        "compiled.py",
+        "bsdfs/compile.py",
         "[..., : self.count]",
         "[..., 1 : self.count + 1]",
         ("tests/unit/test_compiled.py", "-k", "exchanged"),
@@ -191,7 +191,7 @@ FAULTS = (
     ),
     Fault(
         "slope of a constrained parameter",
-        "parametrize.py",
+        "parameters/constrain.py",
         "self.low + (self.high - self.low) * torch.sigmoid(x)",
         "self.low + self.high * torch.sigmoid(x)",
         ("tests/unit/test_parametrize.py",),

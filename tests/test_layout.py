@@ -23,21 +23,21 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     # What everything stands on.
-    ("version", "typing", "numerics", "files", "archives", "inputs", "progress", "cli_options"),
-    ("special", "frame"),
-    ("module",),
+    ("version", "typing", "storage", "cli_options", "progress"),
+    ("maths",),
+    ("parameters.declared",),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
-    ("masking", "sampling.warps", "sampling.uniforms", "sampling.stream"),
+    ("sampling.warps", "sampling.uniforms", "sampling.stream"),
     ("paths",),
     ("sampling.proposals",),
     # The sum over bounces, estimated or approximated; a surface.
     ("estimators",),
     ("approximations",),
-    ("blocks", "validation"),
+    ("evaluation",),
     ("bsdfs",),
     # What is done with a surface.
-    ("compiled", "parametrize", "citations"),
+    ("parameters.constrain", "citations"),
     ("lobes", "testing", "render"),
     ("microsurface", "onnx"),
     # Programs.
@@ -120,7 +120,7 @@ def test_files_of_others_are_read_in_one_place():
     """Where sizes are checked before they are believed."""
     calls = re.compile(r"Image\.open\(|\btrimesh\.load|\bnp\.(load|fromfile|memmap|genfromtxt|loadtxt)\(")
     found = [str(p.relative_to(ROOT)) for p in SOURCES if calls.search(p.read_text())]
-    assert found == ["torchms/archives.py", "torchms/inputs.py"]
+    assert found == ["torchms/storage/archives.py", "torchms/storage/media.py"]
 
 
 def test_every_citation_has_a_source():

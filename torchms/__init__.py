@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from torchms import approximations, fresnel, lobes, microsurface, onnx, render, testing
     from torchms.approximations import KullaConty, Turquin
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+    from torchms.bsdfs.compile import compile
     from torchms.citations import cite
-    from torchms.compiled import compile
     from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
     from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
-    from torchms.parametrize import constrain
-    from torchms.paths.segment import Correlated, Invariance, Segment, Uncorrelated
+    from torchms.evaluation.arguments import set_validation
+    from torchms.parameters.constrain import constrain
+    from torchms.paths.segments import Correlated, Invariance, Segment, Uncorrelated
     from torchms.sampling.stream import Stream
-    from torchms.validation import set_validation
 
 _HOME = {
     "BSDF": "bsdfs",
@@ -37,15 +37,15 @@ _HOME = {
     "SingleBounce": "estimators",
     "Stream": "sampling.stream",
     "Unidirectional": "estimators",
-    "Correlated": "paths.segment",
-    "Invariance": "paths.segment",
-    "Segment": "paths.segment",
+    "Correlated": "paths.segments",
+    "Invariance": "paths.segments",
+    "Segment": "paths.segments",
     "Turquin": "approximations",
-    "Uncorrelated": "paths.segment",
+    "Uncorrelated": "paths.segments",
     "cite": "citations",
-    "compile": "compiled",
-    "constrain": "parametrize",
-    "set_validation": "validation",
+    "compile": "bsdfs.compile",
+    "constrain": "parameters.constrain",
+    "set_validation": "evaluation.arguments",
 }
 _MODULES = ("approximations", "fresnel", "lobes", "microsurface", "onnx", "render", "testing")
 

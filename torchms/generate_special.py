@@ -1,4 +1,4 @@
-"""Writes the coefficient tables of `torchms/special.py`: python -m torchms.generate_special (needs mpmath; 5 s).
+"""Writes the coefficient tables of `torchms/maths/special.py`: python -m torchms.generate_special (needs mpmath; 5 s).
 
 Each function is divided by the power of q = c / (x + c) that makes it tend to a constant, mapped to t = 1 − 2 q in
 [−1, 1] (x = 0 is t = −1, x = ∞ is t = 1), interpolated at Chebyshev nodes with 60 digits, truncated in the Chebyshev
@@ -14,7 +14,7 @@ from typing import Any
 
 import mpmath as mp
 
-from torchms.files import write_whole
+from torchms.storage.write import write_whole
 
 Real = Any
 """An mp.mpf; mpmath has no types."""

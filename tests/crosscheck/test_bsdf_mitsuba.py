@@ -15,7 +15,7 @@ from torch import Tensor
 
 from torchms import MicrofacetDistribution, RoughConductor, RoughDielectric, SingleBounce
 from torchms.fresnel import Conductor, Dielectric
-from torchms.masking import G2_dist
+from torchms.paths.masking import G2_dist
 
 pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
 

@@ -3,7 +3,7 @@
 import torch
 from cases import ALPHAS, ANGLES, DISTRIBUTIONS, LOSSLESS, SCATTERINGS, bsdf, direction, each, models, sides
 
-from torchms.frame import Vec3
+from torchms.maths.frame import Vec3
 from torchms.testing import white_furnace
 
 every_lossless_model = models(LOSSLESS.values())

@@ -15,7 +15,7 @@ from cases import (
 from torch import Tensor
 
 from torchms import BSDF
-from torchms.masking import G1_dist, G2_dist
+from torchms.paths.masking import G1_dist, G2_dist
 from torchms.testing import Estimate, estimate, p_value, zscore
 
 PAIRS = 8

@@ -6,7 +6,7 @@ from cases import DISTRIBUTIONS, SEGMENTS, bsdf, directions, each
 from torch import Tensor
 
 from torchms import BSDF, Segment
-from torchms.frame import Vec3, split
+from torchms.maths.frame import Vec3, split
 from torchms.testing import estimate, exactly, p_value, sphere_cells, zscore
 
 MIRRORS = ("conductor[ideal]", "conductor[schlick]")

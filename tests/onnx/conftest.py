@@ -13,8 +13,8 @@ pytest.importorskip("onnxruntime", reason="needs the onnx extra: pip install tor
 
 from exported_files import FILES
 
-from torchms.files import write_whole
 from torchms.onnx.exporter import exported
+from torchms.storage.write import write_whole
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -13,8 +13,8 @@ from torchms import RoughConductor, RoughDielectric, SingleBounce
 from torchms.approximations import AlbedoTable
 from torchms.approximations.albedo_table import FORMAT, SHAPES
 from torchms.approximations.single_bounce_energy import energy_lost
-from torchms.frame import split
 from torchms.fresnel import Dielectric, Ideal
+from torchms.maths.frame import split
 
 NAMES = {"ggx": "GGX", "beckmann": "Beckmann"}
 

@@ -8,8 +8,9 @@ import torch
 from cases import METHODS, bsdf, direction, directions, each, models
 from torch import nn
 
-from torchms import GGX, RoughConductor, RoughDielectric, RoughDiffuse, Uncorrelated, Unidirectional, blocks
-from torchms.compiled import Engine
+from torchms import GGX, RoughConductor, RoughDielectric, RoughDiffuse, Uncorrelated, Unidirectional
+from torchms.bsdfs.compile import Engine
+from torchms.evaluation import blocks
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = (1, 3, 7)

@@ -18,9 +18,9 @@ from torchms import (
     SingleBounce,
     Stream,
     Unidirectional,
-    compiled,
 )
 from torchms.approximations import AlbedoTable
+from torchms.bsdfs import compile as compiled
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = 64

@@ -22,12 +22,12 @@ import pytest
 import torch
 from hostile import FLIPS, TRUNCATIONS, damaged
 
-from torchms import files
 from torchms.approximations import AlbedoTable
-from torchms.archives import read_arrays
-from torchms.files import check_writable, write_whole
 from torchms.microsurface import GaussianSurfaces, Lambertian, simulate
 from torchms.microsurface.grid_walk import GridTracer
+from torchms.storage import write as files
+from torchms.storage.archives import read_arrays
+from torchms.storage.write import check_writable, write_whole
 
 
 def test_damaged_albedo_tables(tmp_path, messages, seed):
@@ -106,7 +106,7 @@ def test_a_full_disk_leaves_what_was_there(limit, tmp_path):
     done = in_child(
         """
         import resource, signal, sys
-        from torchms.files import write_whole
+        from torchms.storage.write import write_whole
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]),) * 2)
         try:
@@ -170,7 +170,7 @@ def test_an_interrupt_leaves_no_part(delay, tmp_path):
     program = """
         import sys
         from pathlib import Path
-        from torchms.files import write_whole
+        from torchms.storage.write import write_whole
         print("ready", flush=True)
         for i in range(100_000):
             write_whole(Path(sys.argv[1]) / f"{i}.bin", bytes(200_000))

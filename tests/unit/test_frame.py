@@ -4,7 +4,7 @@ import torch
 from cases import TOLERANCES, directions
 from torch import Tensor
 
-from torchms.frame import (
+from torchms.maths.frame import (
     Vec3,
     dot,
     half_vector,

@@ -6,8 +6,8 @@ from cases import MATERIALS, direction, directions
 from torch import Tensor
 
 from torchms import GGX, Bidirectional, HeightWalk, Invariance, Unidirectional
-from torchms.frame import Vec3, split
-from torchms.numerics import score
+from torchms.maths.frame import Vec3, split
+from torchms.maths.numerics import score
 from torchms.paths.held import hold
 
 

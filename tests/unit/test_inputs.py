@@ -13,11 +13,11 @@ import torch
 import trimesh
 from PIL import Image
 
-from torchms import inputs
 from torchms.microsurface import GaussianSurfaces, Heightfield, Lambertian, simulate
 from torchms.microsurface.grid_walk import GridTracer
 from torchms.render.images import exr_bytes, read_picture
 from torchms.render.scenes import load_shape
+from torchms.storage import media as inputs
 
 pytestmark = pytest.mark.usefixtures("messages")
 HUGE = 10**12

@@ -22,9 +22,9 @@ from torchms import (
     Uncorrelated,
     Unidirectional,
 )
-from torchms.frame import Vec3
 from torchms.fresnel import Dielectric, Ideal, Schlick
-from torchms.paths.segment import Leg
+from torchms.maths.frame import Vec3
+from torchms.paths.segments import Leg
 from torchms.sampling.proposals import ReflectionProposal
 from torchms.testing import chi_square, law_suite
 from torchms.testing.report import Check, Report, tried

@@ -9,15 +9,17 @@ from typing import IO
 
 import pytest
 
-from torchms import files
-from torchms.files import remove_leftovers, write_whole
+from torchms.storage import write as files
+from torchms.storage.write import remove_leftovers, write_whole
 
 
 def test_what_a_kill_left_goes(tmp_path):
     """A file that a killed writer left half written is removed by the next one; that of a living one is not."""
     path, other = tmp_path / "a.bin", tmp_path / ".mine.part"
     other.write_bytes(b"mine")
-    slow = "import os, sys, time; from torchms.files import write_whole; os.fsync = lambda file: time.sleep({})\n"
+    slow = (
+        "import os, sys, time; from torchms.storage.write import write_whole; os.fsync = lambda file: time.sleep({})\n"
+    )
     slow += "write_whole(sys.argv[1], bytes(1000))"
 
     def parts() -> list[str]:
@@ -81,7 +83,7 @@ def test_permissions_are_those_of_any_new_file(umask, tmp_path):
 
 def test_without_locks(tmp_path, monkeypatch):
     """Where the system has none, files are written as well, and nothing is removed."""
-    monkeypatch.setattr("torchms.files.fcntl", None)
+    monkeypatch.setattr("torchms.storage.write.fcntl", None)
     left = tmp_path / ".a.bin.abcd1234.part"
     left.write_bytes(b"")
     write_whole(tmp_path / "a.bin", b"content")

@@ -5,8 +5,8 @@ import scipy.special
 import torch
 from cases import DISTRIBUTIONS, MATERIALS, TOLERANCES, bsdf, directions, each
 
-from torchms.masking import G1_dist, G2_dist, G2_mid, escape_transmitted
-from torchms.numerics import smallest
+from torchms.maths.numerics import smallest
+from torchms.paths.masking import G1_dist, G2_dist, G2_mid, escape_transmitted
 from torchms.testing import sphere_cells
 
 RTOL, ATOL = TOLERANCES[torch.float64]

@@ -8,7 +8,7 @@ from torch import nn
 
 from torchms import GGX, Beckmann, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.fresnel import Conductor, Dielectric, Schlick
-from torchms.module import bound, describe, first_bad
+from torchms.parameters.declared import bound, describe, first_bad
 
 
 def surfaces():

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from torchms import numerics
+from torchms.maths import numerics
 
 DTYPES = [torch.float32, torch.float64]
 F64 = torch.float64

@@ -11,8 +11,8 @@ from torch.nn.utils import parametrize
 import torchms
 from torchms import GGX, HeightWalk, RoughConductor, RoughDielectric, RoughDiffuse, SingleBounce, constrain
 from torchms.fresnel import Conductor, Dielectric, Schlick
-from torchms.module import Parametric
-from torchms.parametrize import parameter_names
+from torchms.parameters.constrain import parameter_names
+from torchms.parameters.declared import Parametric
 
 SURFACES: dict[str, tuple[Callable[[], torchms.BSDF], tuple[str, ...]]] = {
     "schlick": (

@@ -15,7 +15,8 @@ from cases import COMPENSATIONS, SCATTERINGS, bsdf, directions, each, models
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
-from torchms import BSDF, GGX, Bidirectional, Invariance, RoughConductor, Stream, Unidirectional, blocks, constrain
+from torchms import BSDF, GGX, Bidirectional, Invariance, RoughConductor, Stream, Unidirectional, constrain
+from torchms.evaluation import blocks
 from torchms.fresnel import Conductor
 
 ROWS = 300

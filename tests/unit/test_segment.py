@@ -9,7 +9,7 @@ from cases import SEGMENTS, TOLERANCES, each
 from torch import Tensor
 
 from torchms.paths.height import RandomHeight
-from torchms.paths.segment import Invariance, Leg
+from torchms.paths.segments import Invariance, Leg
 from torchms.testing import estimate, exactly, p_value, zscore
 
 RTOL, ATOL = TOLERANCES[torch.float64]

@@ -163,7 +163,8 @@ def test_numbers_compile():
     """In a user's own `torch.compile`, whose Inductor takes integers under a stack of floats for floats: the same bits."""
     program = """
         import torch
-        from torchms import Stream, compiled
+        from torchms import Stream
+        from torchms.bsdfs import compile as compiled
         numbers = lambda: Stream(5, 2).uniforms((30,), 4)
         fast = torch.compile(numbers, fullgraph=True, options=compiled.OPTIONS)
         assert torch.equal(fast(), numbers())

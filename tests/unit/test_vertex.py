@@ -7,7 +7,7 @@ import torch
 from cases import DISTRIBUTIONS, bsdf, direction, directions, each, sides
 from torch import Tensor
 
-from torchms.frame import Vec3, split
+from torchms.maths.frame import Vec3, split
 from torchms.testing import chi_square, estimate, exactly, p_value, sphere_cells, zscore
 
 VERTICES = {"conductor": "conductor[ideal]", "dielectric": "dielectric", "diffuse": "diffuse[white]"}

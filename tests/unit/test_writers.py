@@ -21,12 +21,12 @@ import export.__main__ as exporting
 from torchms import cli
 from torchms.approximations import generate_tables
 from torchms.fresnel import generate_metals
-from torchms.inputs import read_mesh
 from torchms.lobes import energy
 from torchms.microsurface import Heightfield, figures
 from torchms.onnx import check, command, exporter, table
 from torchms.render import run
 from torchms.render.images import read_picture
+from torchms.storage.media import read_mesh
 from torchms.testing import chi_square
 
 pytestmark = pytest.mark.usefixtures("messages")

@@ -10,9 +10,9 @@ from torch import Tensor, nn
 
 from torchms.approximations import coordinates as at
 from torchms.approximations.chebyshev import contracted, outer, polynomials, summed
-from torchms.archives import read_arrays
 from torchms.distributions.base import EllipticDistribution, MicrofacetDistribution
-from torchms.frame import Vec3
+from torchms.maths.frame import Vec3
+from torchms.storage.archives import read_arrays
 from torchms.version import __version__
 
 FORMAT = 1

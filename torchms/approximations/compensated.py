@@ -11,8 +11,10 @@ from torchms.approximations.albedo_table import KNOWN, AlbedoTable
 from torchms.approximations.coordinates import ETA
 from torchms.estimators.base import Exit, Scattering
 from torchms.estimators.single_bounce import SingleBounce
-from torchms.frame import Vec3
-from torchms.paths.vertex import Diffuse, Refractive, Vertex
+from torchms.maths.frame import Vec3
+from torchms.paths.diffuse import Diffuse
+from torchms.paths.refractive import Refractive
+from torchms.paths.vertex import Vertex
 
 
 class Compensated(Scattering):

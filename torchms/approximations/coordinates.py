@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.frame import Vec3
-from torchms.numerics import horizon, safe_sqrt
+from torchms.maths.frame import Vec3
+from torchms.maths.numerics import horizon, safe_sqrt
 
 ALPHA = EllipticDistribution.limits
 """Range of the roughness."""

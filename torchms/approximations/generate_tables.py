@@ -23,10 +23,10 @@ from torchms.bsdfs import RoughDielectric
 from torchms.distributions import GGX, Beckmann
 from torchms.distributions.base import EllipticDistribution
 from torchms.estimators import SingleBounce
-from torchms.files import write_whole
-from torchms.frame import split
 from torchms.fresnel import Dielectric
+from torchms.maths.frame import split
 from torchms.sampling.uniforms import draw, generator_for
+from torchms.storage.write import write_whole
 
 FOLDER = Path(__file__).parent
 KINDS = {"GGX": GGX, "Beckmann": Beckmann}

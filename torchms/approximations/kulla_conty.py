@@ -9,8 +9,10 @@ from torch import Tensor
 from torchms.approximations.compensated import Compensated
 from torchms.approximations.mean_fresnel import mean_fresnel
 from torchms.estimators.base import Exit
-from torchms.frame import Vec3, scaled
-from torchms.paths.vertex import Mirror, Refractive, Vertex
+from torchms.maths.frame import Vec3, scaled
+from torchms.paths.mirror import Mirror
+from torchms.paths.refractive import Refractive
+from torchms.paths.vertex import Vertex
 from torchms.sampling.warps import cosine_hemisphere
 
 

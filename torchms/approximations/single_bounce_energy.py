@@ -13,8 +13,8 @@ from torch import Tensor
 
 from torchms.distributions import GGX, Beckmann
 from torchms.distributions.base import EllipticDistribution
-from torchms.frame import Vec3, reflect, split
-from torchms.masking import escape_correlated
+from torchms.maths.frame import Vec3, reflect, split
+from torchms.paths.masking import escape_correlated
 
 BLOCK = 1 << 20
 """Slopes that are evaluated at a time."""

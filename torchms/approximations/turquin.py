@@ -7,9 +7,11 @@ from torch import Tensor
 
 from torchms.approximations.compensated import Compensated
 from torchms.estimators.base import Exit
-from torchms.frame import Vec3
-from torchms.numerics import smallest
-from torchms.paths.vertex import Mirror, Refractive, Vertex
+from torchms.maths.frame import Vec3
+from torchms.maths.numerics import smallest
+from torchms.paths.mirror import Mirror
+from torchms.paths.refractive import Refractive
+from torchms.paths.vertex import Vertex
 
 
 class Turquin(Compensated):

@@ -7,18 +7,18 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from torchms import blocks
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
-from torchms.frame import Vec3, check_direction
-from torchms.module import Parametric
-from torchms.numerics import own_precision, widened
+from torchms.evaluation import blocks
+from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_unit, check_unit_interval
+from torchms.maths.frame import Vec3, check_direction
+from torchms.maths.numerics import own_precision, widened
+from torchms.parameters.declared import Parametric
 from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
 from torchms.sampling.stream import Stream
 from torchms.typing import Direction, Orders, Scalar, Spectrum, Uniforms
-from torchms.validation import check_block, check_parameters, check_random, check_unit, check_unit_interval
 
 
 class DirectionSample(NamedTuple):
@@ -130,7 +130,7 @@ class BSDF(Parametric):
         """f(wi, wo) · |cos θ_o| [1/sr], summed over the orders, mean over the N paths of `u`.
 
         `u` may be left out where the scattering is deterministic. Rows on a side that the surface does not serve are 0.
-        `block`, here and below: rows × paths that are evaluated at a time, `torchms.blocks.BLOCK` if it is left out;
+        `block`, here and below: rows × paths that are evaluated at a time, `torchms.evaluation.blocks.BLOCK` if it is left out;
         results depend on it in their last bits at most. Compiled code has a block of its own, and takes none.
         float16 and bfloat16 arguments are widened to float32, also under `torch.autocast`. Raises ValueError if a shape
         or a device does not fit, or `block` is not above 0 or given to compiled code, TypeError for a dtype that does not.

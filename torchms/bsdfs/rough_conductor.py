@@ -5,8 +5,8 @@ from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.estimators.unidirectional import Unidirectional
 from torchms.fresnel.base import Fresnel
-from torchms.paths.segment import Invariance
-from torchms.paths.vertex import Mirror
+from torchms.paths.mirror import Mirror
+from torchms.paths.segments import Invariance
 from torchms.sampling.proposals import ReflectionProposal
 
 

@@ -7,10 +7,10 @@ from torchms.bsdfs.base import BSDF
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.estimators.height_walk import HeightWalk
-from torchms.frame import Vec3
 from torchms.fresnel.dielectric import Dielectric
-from torchms.module import first_bad
-from torchms.paths.vertex import Refractive
+from torchms.maths.frame import Vec3
+from torchms.parameters.declared import first_bad
+from torchms.paths.refractive import Refractive
 from torchms.sampling.proposals import DielectricProposal
 
 MODES = ("radiance", "importance")

@@ -6,9 +6,9 @@ from torchms.bsdfs.base import BSDF
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.estimators.unidirectional import Unidirectional
-from torchms.module import describe
-from torchms.paths.segment import Invariance
-from torchms.paths.vertex import Diffuse
+from torchms.parameters.declared import describe
+from torchms.paths.diffuse import Diffuse
+from torchms.paths.segments import Invariance
 from torchms.sampling.proposals import HemisphereProposal
 
 

@@ -6,9 +6,9 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
-from torchms.frame import Vec3, dot, join, pair, split
-from torchms.module import Parametric, describe
-from torchms.numerics import away_from_zero, horizon, own_precision, smallest
+from torchms.maths.frame import Vec3, dot, join, pair, split
+from torchms.maths.numerics import away_from_zero, horizon, own_precision, smallest
+from torchms.parameters.declared import Parametric, describe
 from torchms.typing import Direction, Pair, Scalar
 
 

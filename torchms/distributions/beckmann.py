@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.frame import Vec3, dot, normalized
-from torchms.numerics import horizon, safe_sqrt, smallest
-from torchms.special import INV_SQRT_PI, constant, erfcx, erfcx_pair, ierfcx, normal_quantile
+from torchms.maths.frame import Vec3, dot, normalized
+from torchms.maths.numerics import horizon, safe_sqrt, smallest
+from torchms.maths.special import INV_SQRT_PI, constant, erfcx, erfcx_pair, ierfcx, normal_quantile
 
 # Householder steps (of fourth order) before the last, differentiable Newton step. The largest |F(x) / F(κ) − Φ| that n
 # of them leave, over κ in [−50, 1e6] and all quantiles of u in [0, 1): float32 5e-2, 1.1e-6, 1.1e-6 for n = 0, 1, 2;

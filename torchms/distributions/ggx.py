@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.frame import Vec3, dot, join, normalized, pair, split
-from torchms.numerics import safe_sqrt, smallest
+from torchms.maths.frame import Vec3, dot, join, normalized, pair, split
+from torchms.maths.numerics import safe_sqrt, smallest
 from torchms.typing import Direction, Pair, Scalar
 
 

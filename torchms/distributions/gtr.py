@@ -8,8 +8,8 @@ from torch import Tensor
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.distributions.gtr_area import downward_area, view
 from torchms.distributions.gtr_visible import visible_normal
-from torchms.distributions.ratios import exp_ratio
-from torchms.frame import Vec3
+from torchms.maths.frame import Vec3
+from torchms.maths.ratios import exp_ratio
 
 
 class GTR(MicrofacetDistribution):

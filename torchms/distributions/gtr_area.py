@@ -17,8 +17,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.distributions.ratios import exp_ratio, log_ratio
-from torchms.frame import Vec3
+from torchms.maths.frame import Vec3
+from torchms.maths.ratios import exp_ratio, log_ratio
 
 NODES = {torch.float32: 20, torch.float64: 32}
 """Angles in (0, π). γ = 10 at α = 0.01 needs the most, as Q is a narrow peak there."""

@@ -5,7 +5,7 @@ Here for comparison. `GTR` itself integrates Λ, for every γ. All take μ = |co
 
 import torch
 
-from torchms.numerics import safe_sqrt
+from torchms.maths.numerics import safe_sqrt
 from torchms.typing import Scalar
 
 KNOTS = (0.0, 1.0, 2.0, 3.0, 4.0)

@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.gtr_area import View, angles, rings, stacked, view
-from torchms.distributions.ratios import exp_ratio, log_ratio
-from torchms.frame import Vec3, normalized
-from torchms.numerics import horizon, safe_sqrt, smallest
-from torchms.special import constant
+from torchms.maths.frame import Vec3, normalized
+from torchms.maths.numerics import horizon, safe_sqrt, smallest
+from torchms.maths.ratios import exp_ratio, log_ratio
+from torchms.maths.special import constant
 
 MODES = {torch.float32: 32, torch.float64: 48}
 """Terms of the interpolant. γ = 10 at α = 0.01 needs the most: 4e-6 of J is left out in float32, 1e-12 in float64."""

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor, nn
 
-from torchms.frame import Vec3, scaled
+from torchms.maths.frame import Vec3, scaled
 from torchms.paths.held import Knots, differentiated
-from torchms.paths.segment import Leg, Segment
+from torchms.paths.segments import Leg, Segment
 from torchms.paths.vertex import Bounce, Vertex
 
 

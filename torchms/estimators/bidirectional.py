@@ -7,10 +7,10 @@ import torch
 from torch import Tensor
 
 from torchms.estimators.base import PathTracer
-from torchms.frame import Vec3
+from torchms.maths.frame import Vec3
 from torchms.paths.connection import balance, extend_others
 from torchms.paths.held import Knots
-from torchms.paths.segment import Invariance, Leg, Segment
+from torchms.paths.segments import Invariance, Leg, Segment
 from torchms.paths.vertex import Vertex, View
 
 

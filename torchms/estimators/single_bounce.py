@@ -1,7 +1,7 @@
 """The classic microfacet BSDF: one bounce, the rest is lost."""
 
 from torchms.estimators.base import PathTracer
-from torchms.paths.segment import Correlated
+from torchms.paths.segments import Correlated
 
 
 class SingleBounce(PathTracer):

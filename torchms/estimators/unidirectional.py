@@ -1,7 +1,7 @@
 """The position-free path integral, estimated from the side of wi [Wang2022]."""
 
 from torchms.estimators.base import PathTracer
-from torchms.paths.segment import Invariance, Segment
+from torchms.paths.segments import Invariance, Segment
 
 
 class Unidirectional(PathTracer):

@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 import torch
 from torch import Tensor
 
-from torchms.frame import kind_of
-from torchms.module import Parametric, describe
-from torchms.numerics import widened
+from torchms.maths.frame import kind_of
+from torchms.maths.numerics import widened
+from torchms.parameters.declared import Parametric, describe
 from torchms.typing import Scalar, Spectrum
 
 

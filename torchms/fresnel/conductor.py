@@ -5,8 +5,8 @@ from torch import Tensor
 
 from torchms.fresnel.base import Fresnel, from_front
 from torchms.fresnel.metals import lookup
-from torchms.module import Value, channels_first
-from torchms.numerics import safe_div, safe_sqrt
+from torchms.maths.numerics import safe_div, safe_sqrt
+from torchms.parameters.declared import Value, channels_first
 
 
 def fresnel_conductor(cos_i: Tensor, eta: Tensor, k: Tensor) -> Tensor:

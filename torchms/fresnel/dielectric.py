@@ -4,8 +4,8 @@ import torch
 from torch import Tensor
 
 from torchms.fresnel.base import Fresnel, from_front
-from torchms.module import Value
-from torchms.numerics import safe_div, safe_sqrt, smallest
+from torchms.maths.numerics import safe_div, safe_sqrt, smallest
+from torchms.parameters.declared import Value
 
 
 def fresnel_dielectric(cos_i: Tensor, eta: Tensor) -> tuple[Tensor, Tensor]:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from torchms.files import write_whole
+from torchms.storage.write import write_whole
 
 # symbol: English names, (shelf, book, page) in the database. Chosen for bulk or thick-film samples at room temperature,
 # measured optically in the visible. Not used: Werner 2009 (energy loss of electrons; in the visible its reflectances

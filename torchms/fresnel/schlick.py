@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from torchms.fresnel.base import Fresnel, from_front
-from torchms.module import Value, channels_first
+from torchms.parameters.declared import Value, channels_first
 
 
 class Schlick(Fresnel):

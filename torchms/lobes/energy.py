@@ -10,11 +10,11 @@ from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.cli_options import EnergyOptions, SurfaceOptions
 from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
 from torchms.estimators import HeightWalk, Scattering, SingleBounce, Unidirectional
-from torchms.files import check_writable, write_json
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
 from torchms.lobes.measure import incident_angles, measure
 from torchms.lobes.tally import Tally
-from torchms.paths.segment import Correlated, Invariance, Uncorrelated
+from torchms.paths.segments import Correlated, Invariance, Uncorrelated
+from torchms.storage.write import check_writable, write_json
 
 DISTRIBUTIONS = {"ggx": GGX, "beckmann": Beckmann}
 MODELS = {

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from torchms.archives import read_arrays
-from torchms.files import read_json, remove_leftovers, write_whole
 from torchms.microsurface.plan import Partial, Plan, Shard
+from torchms.storage.archives import read_arrays
+from torchms.storage.write import read_json, remove_leftovers, write_whole
 
 CONFIGURATION = "configuration.json"
 HEADERS = 4096

@@ -118,7 +118,7 @@ def run_simulate(options: SimulateOptions) -> dict[str, Any]:
     Under torchrun every process takes part and the first one prints and writes. Raises ValueError, OSError or
     ImportError with a message for the user.
     """
-    from torchms.files import check_writable
+    from torchms.storage.write import check_writable
 
     for path in (options.json, options.lobes):
         if path is not None:
@@ -237,7 +237,7 @@ def write(tally: "Tally", result: dict[str, Any], options: SimulateOptions) -> N
 
     import numpy as np
 
-    from torchms.files import write_json, write_whole
+    from torchms.storage.write import write_json, write_whole
 
     if options.json is not None:
         write_json(options.json, result, options.force)

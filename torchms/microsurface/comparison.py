@@ -17,7 +17,7 @@ from torchms.microsurface.heightfield import GaussianSurfaces
 from torchms.microsurface.materials import FacetMaterial, Lambertian, Mirror, Refractive
 from torchms.microsurface.simulation import simulate
 from torchms.microsurface.tracer import Tracer
-from torchms.paths.segment import Correlated, Invariance, Uncorrelated
+from torchms.paths.segments import Correlated, Invariance, Uncorrelated
 
 SIMULATION = "simulation"
 MODELS: dict[str, Callable[[int], Scattering]] = {

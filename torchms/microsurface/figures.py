@@ -7,12 +7,12 @@ from typing import Any
 
 import torch
 
-from torchms.files import check_writable, write_json, write_whole
 from torchms.lobes import Tally
 from torchms.microsurface.cli import FiguresOptions
 from torchms.microsurface.comparison import SIMULATION, Case, energies, plane_of_incidence
 from torchms.microsurface.grid_walk import GridTracer
 from torchms.microsurface.tracer import EmbreeTracer
+from torchms.storage.write import check_writable, write_json, write_whole
 
 BOUNCES = ("k = 1", "k = 2", "k = 3", "k ≥ 4")
 # Okabe-Ito colours, told apart by everyone; dashes tell them apart in print.

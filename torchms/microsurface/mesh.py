@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from torchms.archives import read_array
-from torchms.files import check_writable, write_whole
-from torchms.inputs import MESHES, MOST_PIXELS, import_trimesh, read_image
-from torchms.inputs import read_mesh as read_triangles
+from torchms.storage.archives import read_array
+from torchms.storage.media import MESHES, MOST_PIXELS, import_trimesh, read_image
+from torchms.storage.media import read_mesh as read_triangles
+from torchms.storage.write import check_writable, write_whole
 
 if TYPE_CHECKING:
     import trimesh

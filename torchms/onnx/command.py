@@ -7,13 +7,13 @@ import torch
 from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF
 from torchms.estimators import Bidirectional, HeightWalk, SingleBounce, Unidirectional
-from torchms.files import check_writable, write_json, write_whole
 from torchms.lobes import energy
 from torchms.onnx.check import check
 from torchms.onnx.exporter import checked, exported
 from torchms.onnx.options import ExportOptions
 from torchms.onnx.table import FOOTNOTE, Entry, table
-from torchms.paths.segment import Correlated, Invariance, Uncorrelated
+from torchms.paths.segments import Correlated, Invariance, Uncorrelated
+from torchms.storage.write import check_writable, write_json, write_whole
 
 SCATTERINGS = {
     "single-bounce": lambda K: SingleBounce(),

@@ -11,9 +11,9 @@ from typing import Any
 import torch
 
 from torchms.bsdfs.base import BSDF
-from torchms.files import check_writable, write_whole
 from torchms.onnx import seal
 from torchms.onnx.graph import UNIFORMS, WHATS, Graph, Slot, slots
+from torchms.storage.write import check_writable, write_whole
 from torchms.version import __version__
 
 OPSET = 20
@@ -234,7 +234,7 @@ def describe(model: Any, graph: Graph) -> None:
         "torchms.n_paths": str(N),
         "torchms.n_uniforms": str(graph.n_uniforms if graph.draws else 0),
         "torchms.opset": str(OPSET),
-        "torchms.inputs": json.dumps(inputs),
+        "torchms.storage.media": json.dumps(inputs),
         "torchms.outputs": json.dumps([{"name": k, "shape": s, "dtype": dtype} for k, s in outputs.items()]),
         "torchms.citation": "; ".join(sorted(citations)),
     }

@@ -8,10 +8,10 @@ import torch
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
-from torchms import blocks
 from torchms.bsdfs import base
 from torchms.bsdfs.base import BSDF
-from torchms.module import Parametric, bound
+from torchms.evaluation import blocks
+from torchms.parameters.declared import Parametric, bound
 from torchms.sampling.stream import BITS, Stream, sobol
 
 WHATS = ("forward", "orders", "sample", "pdf")

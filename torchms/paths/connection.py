@@ -7,7 +7,7 @@ multiplies the density by pr_{s+1} / pf_s. Both sums over the other ways are car
 
 from torch import Tensor
 
-from torchms.numerics import safe_div, smallest
+from torchms.maths.numerics import safe_div, smallest
 from torchms.paths.vertex import Densities
 
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.numerics import expm1, log1p
-from torchms.paths.segment import Leg, Segment
+from torchms.maths.numerics import expm1, log1p
+from torchms.paths.segments import Leg, Segment
 
 
 class HeightState(NamedTuple):

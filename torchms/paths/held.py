@@ -16,8 +16,8 @@ import torch
 from torch import Tensor
 from torch.autograd import forward_ad
 
-from torchms.frame import Vec3
-from torchms.numerics import score, smallest
+from torchms.maths.frame import Vec3
+from torchms.maths.numerics import score, smallest
 
 Knots = Sequence[Tensor]
 """Heights n · d_z that the map follows: those of a path's ends, and ±n, between which all others are."""

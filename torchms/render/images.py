@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from torchms.files import check_writable, write_whole
-from torchms.inputs import MOST_PIXELS, check_pixels, read_image
+from torchms.storage.media import MOST_PIXELS, check_pixels, read_image
+from torchms.storage.write import check_writable, write_whole
 
 SUFFIXES = (".exr", ".png")
 
@@ -90,7 +90,7 @@ def exr_bytes(pixels: Tensor) -> bytes:
 def read_picture(path: str | Path) -> Tensor:
     """The linear pixels (rows, columns, 3) of an .exr or an sRGB image file (PNG, JPEG, TIFF, WebP, BMP), float32.
 
-    Raises ValueError for a file that is not there, cannot be read or is too large (`torchms.inputs`).
+    Raises ValueError for a file that is not there, cannot be read or is too large (`torchms.storage.media`).
     """
     path = Path(path)
     if not path.is_file():

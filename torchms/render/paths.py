@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from torchms.bsdfs.base import BSDF
-from torchms.frame import Vec3, orthonormal_basis
+from torchms.maths.frame import Vec3, orthonormal_basis
 from torchms.render.lights import Light
 from torchms.render.shapes import Hits, Shape
 from torchms.sampling.uniforms import draw

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from torchms.inputs import read_mesh
 from torchms.render.camera import Camera, Point
 from torchms.render.mesh import Mesh
 from torchms.render.shapes import Shape, Sphere
+from torchms.storage.media import read_mesh
 
 if TYPE_CHECKING:
     import trimesh

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.frame import Vec3, dot, half_vector, mirrored, reflect, refract, scaled, select
 from torchms.fresnel.dielectric import fresnel_dielectric
-from torchms.paths.vertex import Refractive
+from torchms.maths.frame import Vec3, dot, half_vector, mirrored, reflect, refract, scaled, select
+from torchms.paths.refractive import Refractive
 from torchms.sampling.warps import cosine_hemisphere, uniform_hemisphere
 
 

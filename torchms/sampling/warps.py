@@ -5,8 +5,8 @@ import math
 import torch
 from torch import Tensor
 
-from torchms.frame import Vec3
-from torchms.numerics import safe_sqrt
+from torchms.maths.frame import Vec3
+from torchms.maths.numerics import safe_sqrt
 
 
 def cosine_hemisphere(u0: Tensor, u1: Tensor) -> Vec3:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.files import check_writable, write_whole
-from torchms.frame import check_direction
+from torchms.maths.frame import check_direction
+from torchms.storage.write import check_writable, write_whole
 from torchms.testing.quadrature import sphere_cells
 
 LEAST = 5.0

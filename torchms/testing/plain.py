@@ -9,7 +9,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from torchms.module import Parametric, bound
+from torchms.parameters.declared import Parametric, bound
 
 M = TypeVar("M", bound=nn.Module)
 P = TypeVar("P", bound=Parametric)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 import torch
 from torch import Tensor
 
-from torchms.paths.segment import Leg, Segment
+from torchms.paths.segments import Leg, Segment
 from torchms.sampling.uniforms import draw
 from torchms.testing.plain import slope_error, unfinished
 from torchms.testing.report import Check

@@ -8,9 +8,9 @@ from torch import nn
 
 from torchms.bsdfs.base import BSDF
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.files import check_writable
-from torchms.paths.segment import Segment
+from torchms.paths.segments import Segment
 from torchms.sampling.uniforms import generator_for
+from torchms.storage.write import check_writable
 from torchms.testing.distribution_laws import distribution_laws
 from torchms.testing.plain import plain
 from torchms.testing.report import Check, Report, chances, tried

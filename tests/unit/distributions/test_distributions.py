@@ -12,8 +12,8 @@ from cases import ELLIPTIC
 from torch import Tensor, nn
 
 from torchms.distributions import MicrofacetDistribution
-from torchms.frame import split
-from torchms.module import bound
+from torchms.maths.frame import split
+from torchms.parameters.declared import bound
 from torchms.testing import chi_square, sphere_cells
 from torchms.testing.chi_square import cell_index
 

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
 from torchms.fresnel.conductor import fresnel_conductor
 from torchms.fresnel.dielectric import fresnel_dielectric
-from torchms.module import bound
+from torchms.parameters.declared import bound
 
 F64 = torch.float64
 INDICES = [

@@ -9,7 +9,7 @@ import math
 import torch
 from torch import Tensor
 
-from torchms.numerics import log1p
+from torchms.maths.numerics import log1p
 
 # The tables below: `python -m torchms.generate_special`, mpmath 1.3.0, November 2026; highest power first.
 # Tables: begin.

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
-from torchms.module import Parametric, first_bad
+from torchms.parameters.declared import Parametric, first_bad
 
 UNBOUNDED = 1e5
 """A range that reaches further than this has no upper end worth a curve: softplus instead of a sigmoid."""

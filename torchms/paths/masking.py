@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.frame import split
-from torchms.numerics import expm1, safe_div, smallest
-from torchms.special import log_beta_step
+from torchms.maths.frame import split
+from torchms.maths.numerics import expm1, safe_div, smallest
+from torchms.maths.special import log_beta_step
 from torchms.typing import Direction, Scalar
 
 

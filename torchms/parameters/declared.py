@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
-from torchms.numerics import widened
+from torchms.maths.numerics import widened
 
 M = TypeVar("M", bound="Parametric")
 

@@ -19,8 +19,8 @@ from torch._functorch.compile_utils import fx_graph_cse
 from torch.fx.experimental.proxy_tensor import make_fx
 
 from torchms.bsdfs.base import BSDF
-from torchms.frame import Vec3
-from torchms.module import bound, structure
+from torchms.maths.frame import Vec3
+from torchms.parameters.declared import bound, structure
 from torchms.sampling.stream import StreamNumbers
 
 B = TypeVar("B", bound=BSDF)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.numerics import safe_sqrt, smallest, widened
+from torchms.maths.numerics import safe_sqrt, smallest, widened
 
 
 class Vec3(NamedTuple):

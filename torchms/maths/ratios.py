@@ -5,7 +5,7 @@ import math
 import torch
 from torch import Tensor
 
-from torchms.special import polynomial
+from torchms.maths.special import polynomial
 
 # Taylor coefficients, highest power first. Up to |x| = ¼ the first left out is below half an ulp of the sum.
 EXP_RATIO = {

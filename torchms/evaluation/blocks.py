@@ -11,8 +11,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from torchms.frame import Vec3
-from torchms.module import Parametric, bound
+from torchms.maths.frame import Vec3
+from torchms.parameters.declared import Parametric, bound
 from torchms.sampling.stream import Stream
 
 BLOCK = 8192

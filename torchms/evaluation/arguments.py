@@ -6,8 +6,8 @@ import torch
 from torch import Tensor, nn
 from torch._C._functorch import is_functorch_wrapped_tensor
 
-from torchms.frame import kind_of
-from torchms.module import first_bad
+from torchms.maths.frame import kind_of
+from torchms.parameters.declared import first_bad
 from torchms.sampling.stream import Stream
 
 UNIT = 1e-3

@@ -1,0 +1,1 @@
+"""How kernels run: what they are given, in which blocks, on which numbers."""

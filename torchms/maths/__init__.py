@@ -1,0 +1,1 @@
+"""Directions, guarded arithmetic and special functions: what every formula stands on."""

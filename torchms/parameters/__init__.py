@@ -1,0 +1,1 @@
+"""The numbers that describe a surface: how a module declares, checks and exchanges them."""

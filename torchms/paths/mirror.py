@@ -1,0 +1,51 @@
+"""Facets that reflect like mirrors."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from torchms.distributions.base import MicrofacetDistribution
+from torchms.fresnel.base import Fresnel
+from torchms.maths.frame import Vec3, dot, half_vector, reflect
+from torchms.maths.numerics import score
+from torchms.paths.held import Knots, hold
+from torchms.paths.vertex import Bounce, Densities, Vertex, View, reflection_density
+
+
+@dataclass(frozen=True)
+class Mirror(Vertex):
+    """Facets that reflect like mirrors, weighted by a Fresnel term."""
+
+    distribution: MicrofacetDistribution
+    fresnel: Fresnel
+    n_uniforms = 2
+    monotone = True
+
+    def knots(self, wi: Vec3, wo: Vec3 | None) -> Knots:
+        one = torch.ones_like(wi.z)
+        return (-one, -wi.z, one) if wo is None else (-one, -wi.z, wo.z, one)
+
+    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
+        h = half_vector(w, d)
+        return self.fresnel.reflectance(dot(w, h)) * reflection_density(self.distribution, w, h)
+
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
+        return Bounce(reflect(w, normal), self.fresnel.reflectance(dot(w, normal)))
+
+    def held(self, bounce: Bounce, w: Vec3, normal: Vec3, side: Tensor | None, knots: Knots) -> Bounce:
+        d, growth = hold(bounce.d, knots)
+        h = half_vector(w, d)
+        weight = self.fresnel.reflectance(dot(w, h)) * score(reflection_density(self.distribution, w, h))
+        return Bounce(d, weight if growth is None else weight * growth)
+
+    def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
+        return reflection_density(self.distribution, w, half_vector(w, d))
+
+    def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
+        D = self.distribution.normal_density(half_vector(x.direction, y.direction)) / 4
+        return Densities(D / x.area, D / y.area)
+
+    def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
+        h = half_vector(x.direction, y.direction)
+        return self.fresnel.reflectance(dot(x.direction, h)) * (densities.forward / y.area)
