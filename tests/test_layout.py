@@ -25,7 +25,7 @@ LAYERS = (
     # What everything stands on.
     ("version", "typing", "storage", "cli_options", "progress"),
     ("maths",),
-    ("parameters.declared",),
+    ("parameters.declared", "parameters.exchange"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
     ("sampling.warps", "sampling.uniforms", "sampling.stream"),

@@ -8,7 +8,8 @@ from torch import nn
 
 from torchms import GGX, Beckmann, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.fresnel import Conductor, Dielectric, Schlick
-from torchms.parameters.declared import bound, describe, first_bad
+from torchms.parameters.declared import describe, first_bad
+from torchms.parameters.exchange import with_parameters
 
 
 def surfaces():
@@ -72,7 +73,7 @@ def test_a_tensor_keeps_its_graph():
 def test_bound_copies_without_touching():
     """The copy has the new numbers, children included; the original keeps its own."""
     surface = RoughConductor(GGX(torch.full((3,), 0.5)), Schlick([0.1, 0.2]))
-    copied = bound(surface, lambda value, channels: value if channels else value[:2])
+    copied = with_parameters(surface, {"distribution.alpha": surface.distribution.alpha[:2]})
     assert copied.distribution.alpha.shape == (2,) and surface.distribution.alpha.shape == (3,)
     assert copied.fresnel.f0 is surface.fresnel.f0
     assert sorted(copied.parameter_batch_shapes()) == [torch.Size([]), torch.Size([2])]

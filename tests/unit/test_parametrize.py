@@ -11,8 +11,8 @@ from torch.nn.utils import parametrize
 import torchms
 from torchms import GGX, HeightWalk, RoughConductor, RoughDielectric, RoughDiffuse, SingleBounce, constrain
 from torchms.fresnel import Conductor, Dielectric, Schlick
-from torchms.parameters.constrain import parameter_names
 from torchms.parameters.declared import Parametric
+from torchms.parameters.exchange import parameters
 
 SURFACES: dict[str, tuple[Callable[[], torchms.BSDF], tuple[str, ...]]] = {
     "schlick": (
@@ -57,8 +57,8 @@ def test_stays_in_range_whatever_the_step(kind: str, step: float) -> None:
         path, _, leaf = name.rpartition(".")
         owner = surface.get_submodule(path)
         assert isinstance(owner, Parametric)
-        low, high = owner.ranges[leaf]
-        assert (value >= low).all() and (value <= high).all()
+        record = owner.declared[leaf]
+        assert (value >= record.low).all() and (value <= record.high).all()
 
 
 def test_gradient_reaches_the_parameters_through_blocks_and_maps(generator: torch.Generator) -> None:
@@ -126,4 +126,4 @@ def test_says_what_is_wrong(module: nn.Module, name: str, options: dict[str, flo
 
 
 def test_names() -> None:
-    assert parameter_names(RoughConductor(GGX(0.3), Schlick(0.5))) == ["fresnel.f0", "distribution.alpha"]
+    assert list(parameters(RoughConductor(GGX(0.3), Schlick(0.5)))) == ["fresnel.f0", "distribution.alpha"]

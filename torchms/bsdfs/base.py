@@ -14,6 +14,7 @@ from torchms.evaluation.arguments import check_block, check_parameters, check_ra
 from torchms.maths.frame import Vec3, check_direction
 from torchms.maths.numerics import own_precision, widened
 from torchms.parameters.declared import Parametric
+from torchms.parameters.exchange import declarations
 from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
@@ -105,8 +106,10 @@ class BSDF(Parametric):
 
     @property
     def dtype(self) -> torch.dtype:
-        """dtype of the parameters, and so of `uniforms`."""
-        return next((p.dtype for p in (*self.parameters(), *self.buffers())), torch.get_default_dtype())
+        """dtype of the declared parameters, and so of `uniforms`; of a table or a network if there are none."""
+        declared = (value.dtype for _, _, value in declarations(self) if value is not None)
+        others = (x.dtype for x in (*self.parameters(), *self.buffers()))
+        return next(declared, None) or next(others, torch.get_default_dtype())
 
     def uniforms(
         self,

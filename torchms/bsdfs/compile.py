@@ -20,7 +20,8 @@ from torch.fx.experimental.proxy_tensor import make_fx
 
 from torchms.bsdfs.base import BSDF
 from torchms.maths.frame import Vec3
-from torchms.parameters.declared import bound, structure
+from torchms.parameters.declared import structure
+from torchms.parameters.exchange import parameters, with_parameters
 from torchms.sampling.stream import StreamNumbers
 
 B = TypeVar("B", bound=BSDF)
@@ -136,14 +137,10 @@ class Engine:
         inputs = [columns.of(component) for w in directions for component in w]
         inputs += columns.numbers(numbers)
         layout: list[tuple[bool, bool]] = []
-
-        def collect(p: Tensor, channels: bool) -> Tensor:
-            mapped = p.ndim > int(channels)
-            layout.append((mapped, channels))
-            inputs.append(columns.parameter(p, channels) if mapped else p)
-            return p
-
-        bound(bsdf, collect)
+        for record, p in parameters(bsdf).values():
+            mapped = p.ndim > record.channels
+            layout.append((mapped, record.channels))
+            inputs.append(columns.parameter(p, record.channels) if mapped else p)
         grad = tuple(torch.is_grad_enabled() and x.requires_grad for x in inputs)
         source = (type(numbers), bsdf.n_uniforms, bsdf.dtype, getattr(numbers, "points", None) is not None)
         shapes = tuple((x.dtype, x.shape) for x in inputs)
@@ -164,6 +161,7 @@ class Engine:
         """Trace `kernel` as a function of its tensors, and hand it to Inductor."""
         n_directions, (kind, n_uniforms, dtype, has_points), layout = given
         size = inputs[0].shape[0]
+        names = list(parameters(bsdf))
 
         channels = bsdf.n_channels
         split = CHANNEL_AXES.get(kernel.__name__, ()) if 1 < channels <= SPLIT_CHANNELS else ()
@@ -178,18 +176,16 @@ class Engine:
                 numbers = StreamNumbers(seeds, paths, n_uniforms, dtype, points)
             elif n_uniforms_given:
                 numbers = next(rest)[:, None].unbind(0)
-            parameters = [
+            values = [
                 p.T if mapped and has_channels else p for p, (mapped, has_channels) in zip(rest, layout, strict=True)
             ]
 
             def outputs(channel: int | None) -> tuple[Tensor, ...]:
-                parts = iter(parameters)
-
-                def take(_: Tensor, has_channels: bool) -> Tensor:
-                    p = next(parts)
-                    return p if channel is None or not has_channels or p.shape[-1] == 1 else p[..., channel, None]
-
-                return kernel(bound(bsdf, take), *directions, numbers)
+                taken = {
+                    name: p if channel is None or not has_channels or p.shape[-1] == 1 else p[..., channel, None]
+                    for name, p, (_, has_channels) in zip(names, values, layout, strict=True)
+                }
+                return kernel(with_parameters(bsdf, taken), *directions, numbers)
 
             # Inductor fuses loops of one shape only: with the channels as an axis, every number that all of them share
             # would go through memory. Channel by channel they are one loop, and what is shared is computed once.

@@ -12,7 +12,8 @@ import torch
 from torch import Tensor
 
 from torchms.maths.frame import Vec3
-from torchms.parameters.declared import Parametric, bound
+from torchms.parameters.declared import Parametric
+from torchms.parameters.exchange import parameters, with_parameters
 from torchms.sampling.stream import Stream
 
 BLOCK = 8192
@@ -106,8 +107,10 @@ def run(
     n_paths = 1 if u is None else u.n_paths if isinstance(u, Stream) else u.shape[-2]
     flat_directions = [_rows(d, batch, 1) for d in directions]
     flat_u = _rows(u, batch, 2) if isinstance(u, Tensor) else None
-    mapped = any(shape.numel() != 1 for shape in module.parameter_batch_shapes())
-    flat = bound(module, lambda p, channels: _flat_parameter(p, batch, channels))
+    declared = parameters(module)
+    flattened = {name: _flat_parameter(value, batch, record.channels) for name, (record, value) in declared.items()}
+    mapped = {name: p for name, p in flattened.items() if p.ndim > declared[name].record.channels}
+    flat = with_parameters(module, flattened)
 
     engine = module.engine if n_rows else None
     size = (block or BLOCK) if engine is None else engine.block(module)
@@ -119,7 +122,7 @@ def run(
     blocks = _Collector(n_rows, n_paths, per_path)
     for a in range(0, max(n_rows, 1), row_step):
         rows = slice(a, min(a + row_step, n_rows))
-        here = bound(flat, lambda p, channels: _slice_parameter(p, rows, channels)) if mapped else flat
+        here = with_parameters(flat, {name: p[rows] for name, p in mapped.items()})
         some = _components([d if len(d) == 1 != n_rows else d[rows] for d in flat_directions], 1)
         seeds = u.block(batch, rows, directions[0].device) if isinstance(u, Stream) else None
         for b in range(0, max(n_paths, 1), path_step):
@@ -144,10 +147,6 @@ def _flat_parameter(value: Tensor, batch: torch.Size, channels: bool) -> Tensor:
     if shape.numel() == 1:
         return value.reshape(value.shape[-1:] if channels else ())
     return _rows(value, batch, 1 if channels else 0)
-
-
-def _slice_parameter(value: Tensor, rows: slice, channels: bool) -> Tensor:
-    return value if value.ndim == int(channels) else value[rows]
 
 
 def _surfaced(out: Tensor, batch: torch.Size, per_path: bool) -> Tensor:

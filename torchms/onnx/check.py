@@ -16,7 +16,9 @@ from torchms.bsdfs import RoughDielectric
 from torchms.bsdfs.base import BSDF
 from torchms.distributions import GGX
 from torchms.onnx.evaluator import Evaluator
-from torchms.onnx.graph import Graph, Slot
+from torchms.onnx.graph import Graph
+from torchms.parameters.constrain import UNBOUNDED
+from torchms.parameters.declared import Parameter
 from torchms.sampling.stream import Stream
 from torchms.sampling.uniforms import draw, integers
 
@@ -212,7 +214,7 @@ def grid(graph: Graph, rows: int, seed: int = 0) -> dict[str, Tensor]:
     def uniform(*shape: int) -> Tensor:
         return draw(shape, 1, 1, generator=generator, dtype=torch.float64)[..., 0, 0]
 
-    values = {slot.name: _parameter(slot, rows, graph.bsdf.n_channels, uniform) for slot in graph.slots}
+    values = {slot.name: _parameter(slot.record, rows, graph.bsdf.n_channels, uniform) for slot in graph.slots}
     if "alpha" in values and "alpha_y" in values:
         # Anisotropy up to 10 : 1.
         ratio = 10 ** (2 * uniform(rows) - 1)
@@ -251,19 +253,20 @@ def _directions(rows: int, uniform: Any) -> Tensor:
     return torch.stack([r * phi.cos(), r * phi.sin(), z], -1)
 
 
-def _parameter(slot: Slot, rows: int, channels: int, uniform: Any) -> Tensor:
-    shape = (rows, channels) if slot.channels else (rows,)
+def _parameter(record: Parameter, rows: int, channels: int, uniform: Any) -> Tensor:
+    """Values over the whole declared range; indices of refraction, which have no end, where materials have them."""
+    shape = (rows, channels) if record.channels else (rows,)
     x = uniform(*shape)
-    if slot.attribute.startswith("alpha"):
-        low, high = slot.low or 1e-3, slot.high or 1.0
-        spread = low * (high / low) ** x
+    low, high = record.low, record.high
+    if high >= UNBOUNDED:
+        if low > 0:
+            # The index of a dielectric, on either side of 1.
+            return torch.where(x < 0.5, 1.1 + x, 0.4 + x / 2)
+        return 0.1 + (3 if record.open_low else 6) * x
+    if low > 0:
         edge = (uniform(*shape) * 8).floor()
-        return torch.where(edge == 0, low, torch.where(edge == 1, high, spread))
-    if slot.attribute == "k":
-        return 0.1 + 6 * x
-    if slot.attribute == "eta":
-        return 0.1 + 3 * x if slot.channels else torch.where(x < 0.5, 1.1 + x, 0.4 + x / 2)
-    return x
+        return torch.where(edge == 0, low, torch.where(edge == 1, high, low * (high / low) ** x))
+    return high - (high - low) * x if record.open_low else low + (high - low) * x
 
 
 def _sensitive(graph: Graph, inputs: dict[str, Tensor], difference: Tensor, eager: Tensor) -> Tensor:

@@ -127,8 +127,7 @@ def checked(bsdf: BSDF, what: str, parameters: Sequence[str], uniforms: str, n_p
     for name, slot in known.items():
         if slot in chosen or slot.value is None:
             continue
-        batch = slot.value.shape[:-1] if slot.channels else slot.value.shape
-        if batch.numel() != 1:
+        if slot.record.batch(slot.value).numel() != 1:
             raise ValueError(
                 f"{name} has a value per element, shape {tuple(slot.value.shape)}, which cannot be baked into a file "
                 f"for any batch. Make it an input: parameters=({name!r}, ...)."
@@ -211,7 +210,8 @@ def describe(model: Any, graph: Graph) -> None:
         if slot is None:
             entry["shape"] = shapes[name]
         else:
-            entry |= {"shape": ["batch", C] if slot.channels else ["batch"], "low": slot.low, "high": slot.high}
+            record = slot.record
+            entry |= {"shape": ["batch", C] if record.channels else ["batch"], "low": record.low, "high": record.high}
         inputs.append(entry)
     outputs = {
         "forward": {"value": ["batch", C]},

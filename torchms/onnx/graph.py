@@ -11,44 +11,29 @@ from torch.overrides import TorchFunctionMode
 from torchms.bsdfs import base
 from torchms.bsdfs.base import BSDF
 from torchms.evaluation import blocks
-from torchms.parameters.declared import Parametric, bound
+from torchms.parameters.declared import Parameter
+from torchms.parameters.exchange import declarations, parameters, with_parameters
 from torchms.sampling.stream import BITS, Stream, sobol
 
 WHATS = ("forward", "orders", "sample", "pdf")
 UNIFORMS = ("input", "sobol", "seed")
 
-PUBLIC_NAMES = {"reflectance": "albedo"}
-"""Parameters whose constructor argument is called otherwise."""
-
 
 @dataclass(frozen=True)
 class Slot:
-    """A parameter of a BSDF: where it is, and its name as a graph input."""
+    """A parameter of a BSDF: its name as a graph input, its dotted name in the BSDF, what is declared of it."""
 
     name: str
-    path: tuple[str, ...]
-    attribute: str
-    channels: bool
+    dotted: str
+    record: Parameter
     value: Tensor | None
-    low: float | None
-    high: float | None
-
-    @property
-    def dotted(self) -> str:
-        return ".".join((*self.path, self.attribute))
 
 
 def slots(bsdf: BSDF) -> dict[str, Slot]:
     """Every parameter of `bsdf` by its name; a name that stands for two of them is replaced by the dotted ones."""
     found: dict[str, list[Slot]] = {}
-    for path, module in bsdf.named_modules():
-        if isinstance(module, Parametric):
-            for attribute, channels in module.declared.items():
-                name = PUBLIC_NAMES.get(attribute, attribute)
-                low, high = getattr(module, "ranges", {}).get(attribute, (None, None))
-                where = tuple(path.split(".")) if path else ()
-                slot = Slot(name, where, attribute, channels, getattr(module, attribute), low, high)
-                found.setdefault(name, []).append(slot)
+    for dotted, record, value in declarations(bsdf):
+        found.setdefault(record.argument, []).append(Slot(record.argument, dotted, record, value))
     single = {name: group[0] for name, group in found.items() if len(group) == 1}
     several = {slot.dotted: slot for group in found.values() if len(group) > 1 for slot in group}
     return single | several
@@ -56,13 +41,10 @@ def slots(bsdf: BSDF) -> dict[str, Slot]:
 
 def replaced(bsdf: BSDF, values: dict[Slot, Tensor], dtype: torch.dtype | None = None) -> BSDF:
     """A copy of `bsdf` with these values in their slots and the others in `dtype`; nothing is validated."""
-    clone = bound(bsdf, lambda value, channels: value.detach() if dtype is None else value.detach().to(dtype))
-    for slot, value in values.items():
-        module: Any = clone
-        for name in slot.path:
-            module = module._modules[name]
-        module._buffers[slot.attribute] = value
-    return clone
+    others = {name: value.detach() for name, (_, value) in parameters(bsdf).items()}
+    if dtype is not None:
+        others = {name: value.to(dtype) for name, value in others.items()}
+    return with_parameters(bsdf, others | {slot.dotted: value for slot, value in values.items()})
 
 
 class Graph(nn.Module):
@@ -111,7 +93,7 @@ class Graph(nn.Module):
         }
         for slot in self.slots:
             value = torch.full((), 0.5, dtype=dtype) if slot.value is None else slot.value.detach()
-            if slot.channels:
+            if slot.record.channels:
                 value = value.reshape(-1, value.shape[-1])[0]
                 known[slot.name] = value.expand(rows, C).clone()
             else:

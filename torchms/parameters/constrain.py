@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
 from torchms.parameters.declared import Parametric, first_bad
+from torchms.parameters.exchange import parameters
 
 UNBOUNDED = 1e5
 """A range that reaches further than this has no upper end worth a curve: softplus instead of a sigmoid."""
@@ -65,20 +66,9 @@ def constrain(module: M, *names: str, low: float | None = None, high: float | No
         path, _, leaf = name.rpartition(".")
         owner = dict(module.named_modules()).get(path)
         if not isinstance(owner, Parametric) or leaf not in owner.declared:
-            raise ValueError(f"constrain({name!r}): no such parameter; there are {', '.join(parameter_names(module))}.")
+            raise ValueError(f"constrain({name!r}): no such parameter; there are {', '.join(parameters(module))}.")
         _constrain(owner, leaf, name, low, high)
     return module
-
-
-def parameter_names(module: nn.Module) -> list[str]:
-    """The declared parameters of `module` that have a value, with dots for those of its children."""
-    return [
-        f"{path}.{leaf}" if path else leaf
-        for path, child in module.named_modules()
-        if isinstance(child, Parametric)
-        for leaf in child.declared
-        if getattr(child, leaf) is not None
-    ]
 
 
 def _constrain(owner: Parametric, leaf: str, name: str, low: float | None, high: float | None) -> None:
@@ -90,12 +80,11 @@ def _constrain(owner: Parametric, leaf: str, name: str, low: float | None, high:
             f"constrain({name!r}): it is constrained already. Undo that with "
             "torch.nn.utils.parametrize.remove_parametrizations."
         )
-    allowed = owner.ranges[leaf]
-    low, high = allowed[0] if low is None else low, allowed[1] if high is None else high
-    if not allowed[0] <= low < high <= allowed[1]:
+    record = owner.declared[leaf]
+    low, high = record.low if low is None else low, record.high if high is None else high
+    if not record.low <= low < high <= record.high:
         raise ValueError(
-            f"constrain({name!r}, low=..., high=...) must be a range within [{allowed[0]:g}, {allowed[1]:g}]; "
-            f"got [{low:g}, {high:g}]."
+            f"constrain({name!r}, low=..., high=...) must be a range within {record.range}; got [{low:g}, {high:g}]."
         )
     outside = ~((value.detach() > low) & (value.detach() < high))
     if bool(outside.any()):

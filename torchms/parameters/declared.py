@@ -1,15 +1,13 @@
-"""Parameters of a batch: how a module checks, stores and slices the numbers that describe a surface."""
+"""Parameters of a batch: how a module declares, checks and stores the numbers that describe a surface."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import dataclass, field
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
 from torchms.maths.numerics import widened
-
-M = TypeVar("M", bound="Parametric")
 
 Value = float | int | list[Any] | tuple[Any, ...] | Tensor
 """What a constructor takes for a parameter: a number, a list of channels, or a tensor, (*batch) or (*batch, C)."""
@@ -23,6 +21,37 @@ def first_bad(bad: Tensor, value: Tensor) -> str:
     return f"{number:g} at index {index}" if index else f"{number:g}"
 
 
+@dataclass(frozen=True)
+class Parameter:
+    """What a module declares of a number that describes it.
+
+    name: its attribute. argument: what the constructor calls it. channels: whether its last axis is that of the channels.
+    low, high: the range, without `low` itself if `open_low`. remedy: what to do about a value outside, as a sentence.
+    """
+
+    name: str
+    argument: str
+    channels: bool
+    low: float
+    high: float
+    open_low: bool
+    remedy: str = field(default="", compare=False)
+
+    @property
+    def range(self) -> str:
+        """The range as text, [0, 1] or (0, 10]."""
+        return f"{'(' if self.open_low else '['}{self.low:g}, {self.high:g}]"
+
+    def outside(self, value: Tensor) -> Tensor:
+        """Where `value` is not in the range, or NaN."""
+        below = (value <= self.low) if self.open_low else (value < self.low)
+        return below | (value > self.high) | torch.isnan(value)
+
+    def batch(self, value: Tensor) -> torch.Size:
+        """The shape of `value` without the axis of the channels."""
+        return value.shape[:-1] if self.channels else value.shape
+
+
 class Parametric(nn.Module):
     """A module whose numbers may be scalars, batches or per-pixel maps.
 
@@ -32,8 +61,7 @@ class Parametric(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.declared: dict[str, bool] = {}
-        self.ranges: dict[str, tuple[float, float]] = {}
+        self.declared: dict[str, Parameter] = {}
 
     def declare(
         self,
@@ -55,12 +83,12 @@ class Parametric(nn.Module):
         [low, high] (or (low, high] if `open_low`) or NaN, or if there is no channel; TypeError if it is not a real number
         or tensor.
         """
-        self.declared[name] = channels
-        self.ranges[name] = (low, high)
+        record = Parameter(name, argument or name, channels, float(low), float(high), open_low, remedy)
+        self.declared[name] = record
         if value is None and optional:
             self.register_buffer(name, None)
             return
-        label = f"{type(self).__name__}({argument or name}=...)"
+        label = f"{type(self).__name__}({record.argument}=...)"
         if isinstance(value, Tensor):
             tensor = value
         elif isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
@@ -82,13 +110,9 @@ class Parametric(nn.Module):
         if channels and tensor.shape[-1] == 0:
             raise ValueError(f"{label} must have at least one channel, on its last axis; got {tuple(tensor.shape)}.")
         if not tensor.is_meta and not isinstance(tensor, torch._subclasses.FakeTensor):
-            outside = (tensor <= low) if open_low else (tensor < low)
-            bad = (outside | (tensor > high) | torch.isnan(tensor)).detach()
+            bad = record.outside(tensor.detach())
             if bool(bad.any()):
-                bracket = "(" if open_low else "["
-                raise ValueError(
-                    f"{label} must lie in {bracket}{low:g}, {high:g}]; got {first_bad(bad, tensor)}. {remedy}"
-                )
+                raise ValueError(f"{label} must lie in {record.range}; got {first_bad(bad, tensor)}. {remedy}")
         if isinstance(tensor, nn.Parameter):
             self.register_parameter(name, tensor)
         else:
@@ -99,36 +123,11 @@ class Parametric(nn.Module):
         shapes = []
         for module in self.modules():
             if isinstance(module, Parametric):
-                for name, channels in module.declared.items():
+                for name, record in module.declared.items():
                     value = getattr(module, name)
                     if value is not None:
-                        shapes.append(value.shape[:-1] if channels else value.shape)
+                        shapes.append(record.batch(value))
         return shapes
-
-
-def bound(module: M, function: Callable[[Tensor, bool], Tensor]) -> M:
-    """A shallow copy of `module` whose declared parameters are `function(value, has_channels)` of the originals.
-
-    Graphs are kept, nothing is validated again and `module` is not touched. Used to evaluate a block of rows with
-    that block's rows of every per-pixel parameter.
-    """
-    parametrized = parametrize.is_parametrized(module)
-    cls = type(module).__mro__[1] if parametrized else type(module)
-    clone = object.__new__(cls)
-    clone.__dict__.update(module.__dict__)
-    clone._buffers = dict(module._buffers)
-    clone._parameters = dict(module._parameters)
-    clone._modules = {
-        name: bound(child, function) if isinstance(child, Parametric) else child
-        for name, child in module._modules.items()
-        if not (parametrized and name == "parametrizations")
-    }
-    if isinstance(module, Parametric):
-        for name, channels in module.declared.items():
-            value = getattr(module, name)
-            clone._parameters.pop(name, None)
-            clone._buffers[name] = None if value is None else function(value, channels)
-    return clone
 
 
 def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -> tuple[Any, ...]:
@@ -158,7 +157,7 @@ _OF_ANY_MODULE = frozenset(vars(nn.Module()))
 
 def _frozen(value: Any, held: list[Any]) -> Any:
     """`value` as something that can be compared for equality later."""
-    if value is None or isinstance(value, bool | int | float | str):
+    if value is None or isinstance(value, bool | int | float | str | Parameter):
         return type(value), value
     if isinstance(value, list | tuple):
         return tuple(_frozen(v, held) for v in value)

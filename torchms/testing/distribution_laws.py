@@ -1,7 +1,7 @@
 """What a distribution of microfacet normals must obey."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -9,9 +9,10 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
+from torchms.parameters.exchange import parameters, with_parameters
 from torchms.sampling.uniforms import draw
 from torchms.testing.chi_square import Comparison, compared
-from torchms.testing.plain import direction, edges, parameters, rebuilt, slope_error, unfinished
+from torchms.testing.plain import direction, edges, slope_error, unfinished
 from torchms.testing.quadrature import sphere_cells
 from torchms.testing.report import Check
 
@@ -66,8 +67,8 @@ def distribution_laws(
 def finite(facets: MicrofacetDistribution, dtype: torch.dtype) -> tuple[float, str]:
     """At the poles, on the horizon, below it, at u = 0 and u → 1."""
     w, m = (x.to(dtype).requires_grad_() for x in edges())
-    values = [value.detach().to(dtype).requires_grad_() for value in parameters(facets)]
-    here = rebuilt(facets, values)
+    values = {name: value.detach().to(dtype).requires_grad_() for name, (_, value) in parameters(facets).items()}
+    here = with_parameters(facets, values)
     ends = torch.tensor([0.0, 0.5, 1 - torch.finfo(dtype).eps / 2], dtype=dtype)
     outputs = {
         "D": here.D(m),
@@ -75,7 +76,7 @@ def finite(facets: MicrofacetDistribution, dtype: torch.dtype) -> tuple[float, s
         "D_visible": here.D_visible(w, m),
         "sample_visible": here.sample_visible(w[:, None], torch.cartesian_prod(ends, ends)),
     }
-    return unfinished(outputs, {"w": w, "m": m} | {f"parameter {i}": value for i, value in enumerate(values)})
+    return unfinished(outputs, {"w": w, "m": m} | values)
 
 
 def slopes(facets: MicrofacetDistribution) -> float:
@@ -83,8 +84,10 @@ def slopes(facets: MicrofacetDistribution) -> float:
     w = torch.stack(list(VIEWS.values()))
     m = torch.stack([direction(0.2, 0.3), direction(0.5, 2.0), direction(1.1, -0.5)])
 
-    def values(numbers: object) -> Tensor:
-        here = rebuilt(facets, list(numbers))  # type: ignore[call-overload]
+    declared = parameters(facets)
+
+    def values(given: Sequence[Tensor]) -> Tensor:
+        here = with_parameters(facets, dict(zip(declared, given, strict=True)))
         return torch.cat([here.D(m), here.Lambda(w), here.D_visible(w, m)])
 
-    return slope_error(values, parameters(facets))
+    return slope_error(values, [value for _, value in declared.values()])

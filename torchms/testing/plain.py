@@ -9,10 +9,9 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from torchms.parameters.declared import Parametric, bound
+from torchms.parameters.exchange import parameters, with_parameters
 
 M = TypeVar("M", bound=nn.Module)
-P = TypeVar("P", bound=Parametric)
 
 THETAS = (0.0, 1e-4, 0.7, 1.5, math.pi / 2)
 STEP = 1e-5
@@ -22,32 +21,14 @@ STEP = 1e-5
 def plain(module: M) -> M:
     """A copy in float64 with the first element of every map of parameters, without graphs, evaluated eagerly."""
 
-    def first(value: Tensor, channels: bool) -> Tensor:
-        tail = value.shape[-1:] if channels else ()
-        return value.detach().reshape(-1, *tail)[0].clone()
-
-    clone = copy.deepcopy(bound(module, first) if isinstance(module, Parametric) else module).double()
+    values = {
+        name: value.detach().reshape(-1, *value.shape[len(record.batch(value)) :])[0].clone()
+        for name, (record, value) in parameters(module).items()
+    }
+    clone = copy.deepcopy(with_parameters(module, values)).double()
     if hasattr(clone, "engine"):
         clone.engine = None  # type: ignore[assignment]
     return clone
-
-
-def parameters(module: Parametric) -> list[Tensor]:
-    """Every declared number of a module and of its parts."""
-    found: list[Tensor] = []
-
-    def note(value: Tensor, channels: bool) -> Tensor:
-        found.append(value)
-        return value
-
-    bound(module, note)
-    return found
-
-
-def rebuilt(module: P, values: Sequence[Tensor]) -> P:
-    """`module` with these numbers in place of those of `parameters`."""
-    rest = iter(values)
-    return bound(module, lambda value, channels: next(rest))
 
 
 def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:

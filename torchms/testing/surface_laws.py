@@ -14,10 +14,11 @@ from torchms.bsdfs.rough_conductor import RoughConductor
 from torchms.bsdfs.rough_dielectric import RoughDielectric
 from torchms.bsdfs.rough_diffuse import RoughDiffuse
 from torchms.fresnel.ideal import Ideal
+from torchms.parameters.exchange import parameters, with_parameters
 from torchms.sampling.uniforms import draw
 from torchms.testing.chi_square import Comparison, compared
 from torchms.testing.furnace import white_furnace
-from torchms.testing.plain import direction, edges, parameters, rebuilt, slope_error, unfinished
+from torchms.testing.plain import direction, edges, slope_error, unfinished
 from torchms.testing.reciprocity import flux, reciprocity
 from torchms.testing.report import Check
 from torchms.testing.zscore import Estimate, combined, estimate, exactly, p_value, zscore
@@ -166,8 +167,8 @@ def reciprocal_walks(bsdf: BSDF, wi: Tensor, numbers: Numbers) -> float:
 def finite(bsdf: BSDF, dtype: torch.dtype) -> tuple[float, str]:
     """Of every method: at the poles, on the horizon, below it, at h = 0, at u = 0 and u → 1."""
     wi, wo = (x.to(dtype).requires_grad_() for x in edges())
-    values = [value.detach().to(dtype).requires_grad_() for value in parameters(bsdf)]
-    here = rebuilt(bsdf.to(dtype), values)
+    values = {name: value.detach().to(dtype).requires_grad_() for name, (_, value) in parameters(bsdf).items()}
+    here = with_parameters(bsdf.to(dtype), values)
     most = 1 - torch.finfo(dtype).eps / 2
     rows = torch.tensor([[0.0], [0.5], [most]], dtype=dtype).expand(3, bsdf.n_uniforms)
     mixed = torch.where(torch.arange(bsdf.n_uniforms) % 2 == 0, rows[0], rows[2])
@@ -181,7 +182,7 @@ def finite(bsdf: BSDF, dtype: torch.dtype) -> tuple[float, str]:
         "sample_walk": walk.weight[..., :1] * walk.wo,
         "albedo": albedo.reflected + albedo.transmitted,
     }
-    found = unfinished(outputs, {"wi": wi, "wo": wo} | {f"parameter {i}": value for i, value in enumerate(values)})
+    found = unfinished(outputs, {"wi": wi, "wo": wo} | values)
     bsdf.to(torch.float64)
     return found
 
@@ -192,10 +193,11 @@ def slopes(bsdf: BSDF, views: Sequence[Tensor], numbers: Numbers) -> float:
     wo = torch.stack([side * direction(0.7, 2.0) for side in torch.where(wi[:, 2] > 0, 1, -1).tolist()])
     u = numbers((len(wi),), 1)
     exact = bsdf.scattering.is_deterministic(bsdf.vertex)
+    declared = parameters(bsdf)
 
     def values(given: Sequence[Tensor]) -> Tensor:
-        here = rebuilt(bsdf, given)
+        here = with_parameters(bsdf, dict(zip(declared, given, strict=True)))
         orders = here.orders(wi, wo, u)
         return torch.cat([(orders if exact else orders[:, :1]).reshape(-1), here.pdf(wi, wo)])
 
-    return slope_error(values, parameters(bsdf))
+    return slope_error(values, [value for _, value in declared.values()])

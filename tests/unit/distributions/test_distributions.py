@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from torchms.distributions import MicrofacetDistribution
 from torchms.maths.frame import split
-from torchms.parameters.declared import bound
+from torchms.parameters.exchange import with_parameters
 from torchms.testing import chi_square, sphere_cells
 from torchms.testing.chi_square import cell_index
 
@@ -334,7 +334,7 @@ def test_parameters_stay_parameters_and_maps_keep_their_graph(family):
 def test_a_block_of_a_map(family):
     alpha = torch.linspace(0.1, 1, 12)
     whole = family(alpha)
-    part = bound(whole, lambda value, channels: value[3:5])
+    part = with_parameters(whole, {"alpha": alpha[3:5]})
     w = direction(1.0, dtype=torch.float32)
     torch.testing.assert_close(part.Lambda(w), whole.Lambda(w)[3:5])
 

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
 from torchms.fresnel.conductor import fresnel_conductor
 from torchms.fresnel.dielectric import fresnel_dielectric
-from torchms.parameters.declared import bound
+from torchms.parameters.exchange import with_parameters
 
 F64 = torch.float64
 INDICES = [
@@ -265,7 +265,7 @@ def test_parameters_of_a_pixel_meet_that_pixel_on_every_path():
             torch.testing.assert_close(H[:, y, x], Schlick(k[y, x])(c[:, y, x]))
     # One channel everywhere and a map of another parameter broadcast too.
     torch.testing.assert_close(Conductor(0.5, k)(c), Conductor(torch.full_like(k, 0.5), k)(c))
-    rows = bound(Conductor(eta + 0.1, k), lambda value, channels: value[:1] if channels else value)
+    rows = with_parameters(Conductor(eta + 0.1, k), {"eta": eta[:1] + 0.1, "k": k[:1]})
     torch.testing.assert_close(rows(c[:, :1]), F[:, :1])
 
 
