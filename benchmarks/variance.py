@@ -27,8 +27,8 @@ class AnalogHeight(RandomHeight):
 
     def extend(self, state: HeightState, leg: Leg) -> HeightState:
         # U' = U (1 − u)^(−1 / Λ); beyond 1 the ray has left the surface.
-        assert leg.number is not None
-        step = log1p(-leg.number) / leg.lam.clamp_min(1e-12)
+        (number,) = leg.numbers
+        step = log1p(-number) / leg.lam.clamp_min(1e-12)
         log_U = self._on_side_of(leg, state.log_U) + torch.where(leg.up, -step, step)
         return HeightState(state.stay * (log_U <= 0), log_U.clamp_max(0.0))
 

@@ -90,7 +90,7 @@ def test_random_heights_are_the_height_walk(k, generator, budget):
     """The walk that carries its height, in expectation."""
     Lambda = sequences(k, 6, generator)
     numbers = torch.rand(k, 50_000, 6, generator=generator, dtype=torch.float64)
-    legs = [Leg(x.abs(), x > 0, None, u) for x, u in zip(Lambda.unbind(-1)[:-1], numbers, strict=True)]
+    legs = [Leg(x.abs(), x > 0, None, (u,)) for x, u in zip(Lambda.unbind(-1)[:-1], numbers, strict=True)]
     state = RandomHeight().start(legs[0], False)
     for leg in legs[1:]:
         state = RandomHeight().extend(state, leg)

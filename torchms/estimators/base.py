@@ -109,7 +109,7 @@ class PathTracer(Scattering):
     def _start(self, vertex: Vertex, wi: Vec3, u: Sequence[Tensor]) -> tuple:
         w, side, ours = vertex.enter(wi)
         d = -w
-        leg = Leg(vertex.distribution.blocking(d), d.z > 0, None, self._height(vertex, u, 0))
+        leg = Leg(vertex.distribution.blocking(d), d.z > 0, None, self._heights(vertex, u, 0))
         return w, side, ours, self.segment.start(leg, vertex.monotone)
 
     def _numbers(self, vertex: Vertex, u: Sequence[Tensor], k: int) -> tuple[Tensor, ...]:
@@ -117,9 +117,10 @@ class PathTracer(Scattering):
         first = 1 + (k - 1) * (vertex.n_uniforms + self.segment.n_uniforms)
         return tuple(u[first + i] for i in range(vertex.n_uniforms))
 
-    def _height(self, vertex: Vertex, u: Sequence[Tensor], k: int) -> Tensor | None:
-        """The segment's random number of the leg after bounce k = 0 … K − 1."""
-        return u[1 + k * (vertex.n_uniforms + 1) + vertex.n_uniforms] if self.segment.n_uniforms else None
+    def _heights(self, vertex: Vertex, u: Sequence[Tensor], k: int) -> tuple[Tensor, ...]:
+        """The segment's random numbers of the leg after bounce k = 0 … K − 1: they follow those of bounce k + 1."""
+        first = 1 + k * (vertex.n_uniforms + self.segment.n_uniforms) + vertex.n_uniforms
+        return tuple(u[first + i] for i in range(self.segment.n_uniforms))
 
     def _knots(self, vertex: Vertex, wi: Vec3, wo: Vec3 | None) -> Knots | None:
         """What directions are held relative to; None if they are attached."""
@@ -166,7 +167,7 @@ class PathTracer(Scattering):
             assert normal is not None and numbers is not None
             bounce = self._bounce(vertex, w, normal, numbers[2:], side, knots)
             leg = Leg(
-                vertex.distribution.blocking(bounce.d), bounce.d.z > 0, bounce.crossed, self._height(vertex, u, k)
+                vertex.distribution.blocking(bounce.d), bounce.d.z > 0, bounce.crossed, self._heights(vertex, u, k)
             )
             state = self.segment.extend(state, leg)
             weight = bounce.weight if weight is None else weight * bounce.weight
@@ -182,8 +183,8 @@ class PathTracer(Scattering):
             numbers = self._numbers(vertex, u, k)
             normal = vertex.visible_normal(w, numbers[0], numbers[1])
             bounce = self._bounce(vertex, w, normal, numbers[2:], side, knots)
-            height = self._height(vertex, u, k) if k < self.max_order else None
-            leg = Leg(vertex.distribution.blocking(bounce.d), bounce.d.z > 0, bounce.crossed, height)
+            heights = self._heights(vertex, u, k) if k < self.max_order else ()
+            leg = Leg(vertex.distribution.blocking(bounce.d), bounce.d.z > 0, bounce.crossed, heights)
             weight = weight * bounce.weight
             escapes = self.segment.escape(state, leg)
             if bounce.side is None or entered is None:

@@ -134,7 +134,7 @@ class Bidirectional(PathTracer):
                 numbers = tuple(u[first + i * vertex.n_uniforms + n] for n in range(vertex.n_uniforms))
                 normal = vertex.visible_normal(w, numbers[0], numbers[1])
             view = View(w, distribution.guarded_area(w), normal, side)
-            leg = Leg(distribution.blocking(-w), up, crossed, None, distribution.blocking(w))
+            leg = Leg(distribution.blocking(-w), up, crossed, back=distribution.blocking(w))
             carried = weight
             if against and weight is not None and side is not None and entered is not None:
                 eta = vertex.relative_eta(side)

@@ -45,10 +45,10 @@ class RandomHeight(Segment):
 
     def _descend(self, state: HeightState, leg: Leg) -> HeightState:
         """Collide somewhere along `leg`: U' = U · q^(∓1 / Λ), q uniform in (U^Λ, 1) going up, in (0, 1) going down."""
-        assert leg.number is not None
+        (number,) = leg.numbers
         lam = leg.lam.clamp_min(1e-12)
         blocked = torch.where(leg.up, -expm1(lam * state.log_U), 1.0)
         # A number that was rounded up to 1 counts as the last one below.
-        passed = (leg.number * blocked).clamp_max(1 - torch.finfo(lam.dtype).eps / 2)
+        passed = (number * blocked).clamp_max(1 - torch.finfo(lam.dtype).eps / 2)
         step = log1p(-passed) / lam
         return HeightState(state.stay * blocked, (state.log_U + torch.where(leg.up, -step, step)).clamp_max(0.0))

@@ -29,7 +29,8 @@ def segment_laws(segment: Segment, samples: int, generator: torch.Generator) -> 
 
     def walked(Lambda: Tensor, n: int) -> list[Tensor]:
         """e_1, e_2, … along the signed Λ (…, legs), mean over `n` heights; directions are those given."""
-        legs = [Leg(x.abs(), x >= 0, number=numbers(n, *x.shape)) for x in Lambda.unbind(-1)]
+        drawn = range(segment.n_uniforms)
+        legs = [Leg(x.abs(), x >= 0, numbers=tuple(numbers(n, *x.shape) for _ in drawn)) for x in Lambda.unbind(-1)]
         state = segment.start(legs[0], False)
         escapes = []
         for leg in legs[1:]:

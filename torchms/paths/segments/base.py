@@ -22,14 +22,14 @@ class Leg(NamedTuple):
     """One direction of propagation, in the frame of the side it runs on.
 
     lam: |Λ(d)|. up: whether d points above the horizon. crossed: whether the ray changed side to take this direction
-    (None where no facet transmits). number: a uniform number for models that draw a height, else None. back: |Λ(−d)|,
+    (None where no facet transmits). numbers: the `n_uniforms` uniform numbers of a model that draws heights. back: |Λ(−d)|,
     for walks that are joined with another one.
     """
 
     lam: Tensor
     up: Tensor
     crossed: Tensor | None = None
-    number: Tensor | None = None
+    numbers: tuple[Tensor, ...] = ()
     back: Tensor | None = None
 
 
@@ -73,9 +73,9 @@ class Segment(nn.Module):
             raise ValueError(
                 f"Lambda must hold at least d_0 and d_1 on its last axis; got shape {tuple(Lambda.shape)}."
             )
-        legs = [Leg(x.abs(), x >= 0) for x in Lambda.unbind(-1)]
-        if any(leg.number is None for leg in legs) and self.n_uniforms:
+        if self.n_uniforms:
             raise TypeError(f"{type(self).__name__} draws heights; it has no closed segment term.")
+        legs = [Leg(x.abs(), x >= 0) for x in Lambda.unbind(-1)]
         state = self.start(legs[0], monotone=False)
         product = legs[0].lam
         for leg in legs[1:-1]:
