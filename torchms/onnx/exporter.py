@@ -234,7 +234,7 @@ def describe(model: Any, graph: Graph) -> None:
         "torchms.n_paths": str(N),
         "torchms.n_uniforms": str(graph.n_uniforms if graph.draws else 0),
         "torchms.opset": str(OPSET),
-        "torchms.storage.media": json.dumps(inputs),
+        "torchms.inputs": json.dumps(inputs),
         "torchms.outputs": json.dumps([{"name": k, "shape": s, "dtype": dtype} for k, s in outputs.items()]),
         "torchms.citation": "; ".join(sorted(citations)),
     }
