@@ -231,7 +231,8 @@ def describe(model: Any, graph: Graph) -> None:
     for key, value in entries.items():
         model.metadata_props.add(key=key, value=value)
     model.producer_name, model.producer_version = "torchms", __version__
-    model.doc_string = f"{graph.what} of {type(bsdf).__name__}, {type(bsdf.scattering).__name__}: see the metadata for the conventions."
+    model_name = type(bsdf.scattering).__name__
+    model.doc_string = f"{graph.what} of {type(bsdf).__name__}, {model_name}: see the metadata for the conventions."
 
 
 def _line(module: torch.nn.Module) -> str:
