@@ -33,7 +33,7 @@ test-all: $(STAMP)  ## the whole suite
 	$(PYTEST) -n 2
 
 pictures: $(STAMP)  ## the pictures of the README: two furnaces, gold and glass (about three minutes)
-	$(BIN)/python -m torchms.render.pictures docs/images
+	$(BIN)/python -m tools.pictures docs/images
 
 demo-fit: $(STAMP)  ## inverse rendering of gold and glass, with all bounces and with one; docs/images/fit.png
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fit.py
@@ -44,7 +44,7 @@ figures: $(STAMP)  ## lobes of explicit surfaces against the models (3 materials
 	$(BIN)/python benchmarks/bounded_normals.py
 
 tables: $(STAMP)  ## the albedo tables of the compensations, a few minutes
-	$(BIN)/python -m torchms.approximations.generate_tables
+	$(BIN)/python -m tools.generate_tables
 
 export: $(STAMP)  ## the set of ONNX files with its parity table
 	$(BIN)/python -m export

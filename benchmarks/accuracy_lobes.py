@@ -25,10 +25,10 @@ import torchms as ms
 from torchms.fresnel import Conductor, Fresnel, Ideal
 from torchms.lobes import measure
 from torchms.lobes.measure import incident_angles
-from torchms.microsurface.grid_walk import GridTracer
-from torchms.microsurface.heightfield import GaussianSurfaces
-from torchms.microsurface.materials import Mirror
-from torchms.microsurface.simulation import simulate
+from torchms.microsurface.rays.grid_walk import GridTracer
+from torchms.microsurface.simulation.materials import Mirror
+from torchms.microsurface.simulation.run import simulate
+from torchms.microsurface.surfaces.heightfield import GaussianSurfaces
 from torchms.storage.write import check_writable, write_json
 
 matplotlib.use("Agg")

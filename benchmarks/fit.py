@@ -24,7 +24,7 @@ from rich.table import Table
 from torch import Tensor, nn
 
 import torchms as ms
-from torchms.progress import progress_bar
+from torchms.cli.progress import progress_bar
 
 ROOT = Path(__file__).resolve().parent.parent
 

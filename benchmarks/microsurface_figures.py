@@ -8,9 +8,9 @@ from pathlib import Path
 
 import tyro
 
-from torchms.microsurface.cli import FiguresOptions
-from torchms.microsurface.comparison import MATERIALS
-from torchms.microsurface.figures import run_figures
+from torchms.cli.figures import run_figures
+from torchms.cli.simulate import FiguresOptions
+from torchms.microsurface.simulation.comparison import MATERIALS
 
 ALPHAS = ((0.25, None), (0.5, None), (1.0, None), (1.0, 0.1))
 

@@ -15,8 +15,8 @@ import numpy as np
 import tyro
 
 from torchms.microsurface import EmbreeTracer, GaussianSurfaces, GridTracer, Heightfield, Mirror, Refractive, simulate
-from torchms.microsurface.facets import launch
-from torchms.microsurface.grid import Grid, Paths
+from torchms.microsurface.rays.grid import Grid, Paths
+from torchms.microsurface.simulation.facets import launch
 from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 

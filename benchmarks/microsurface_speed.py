@@ -22,11 +22,11 @@ from rich.console import Console
 from rich.table import Table
 
 from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, Mirror
-from torchms.microsurface.facets import launch, settle
-from torchms.microsurface.grid import Grid, Paths
-from torchms.microsurface.plan import Partial
-from torchms.microsurface.simulation import make_plan, run_shards
-from torchms.microsurface.tracer import Caster, Tracer
+from torchms.microsurface.rays.grid import Grid, Paths
+from torchms.microsurface.rays.tracer import Caster, Tracer
+from torchms.microsurface.simulation.facets import launch, settle
+from torchms.microsurface.simulation.plan import Partial
+from torchms.microsurface.simulation.run import make_plan, run_shards
 from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 

@@ -54,8 +54,8 @@ PARAMETERS = {
 
 def entries(options: Options):
     """Write and compare file after file."""
+    from torchms.cli.export import SCATTERINGS, build
     from torchms.onnx.check import check
-    from torchms.onnx.command import SCATTERINGS, build
     from torchms.onnx.exporter import checked, exported
     from torchms.onnx.options import ExportOptions
     from torchms.onnx.table import Entry

@@ -70,3 +70,16 @@ def test_bad_arguments() -> None:
         ms.cite("GGX")
     with pytest.raises(ValueError, match=r'"bibtex"; got \'html\''):
         ms.cite(ms.GGX(0.5), "html")
+
+
+def test_a_file_cites_what_its_surface_does() -> None:
+    """The metadata of an ONNX file has the papers of `cite`, for every scattering and material."""
+    onnx = pytest.importorskip("onnx", reason="needs the onnx extra: pip install torchms[onnx]")
+    from torchms.onnx.exporter import checked, describe
+
+    for make in {**SCATTERINGS, **COMPENSATIONS}.values():
+        surface = ms.RoughConductor(ms.GGX(0.5), Conductor.metal("Au"), make(2))
+        model = onnx.ModelProto()
+        describe(model, checked(surface, "forward", (), "input", 1))
+        said = {entry.key: entry.value for entry in model.metadata_props}
+        assert said["torchms.citation"] == ms.cite(surface)

@@ -23,7 +23,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     # What everything stands on.
-    ("version", "typing", "storage", "cli_options", "progress"),
+    ("version", "typing", "storage", "cli.progress"),
     ("maths",),
     ("parameters.declared", "parameters.exchange"),
     # A facet, the heights between facets, and both together.
@@ -40,8 +40,7 @@ LAYERS = (
     ("parameters.constrain", "citations"),
     ("lobes", "testing", "render"),
     ("microsurface", "onnx"),
-    # Programs.
-    ("generate_special", "fresnel.generate_metals", "approximations.generate_tables"),
+    # The command line.
     ("cli", "__main__"),
 )
 """A module imports only from its own layer and from those before it. A longer name overrules its package's."""
@@ -140,7 +139,12 @@ def test_nothing_is_unpickled():
         r"|\byaml\.(unsafe_)?load\(|(?<![.\w])(eval|exec)\(",
         re.M,
     )
-    files = [*SOURCES, *(ROOT / "export").rglob("*.py"), *(ROOT / "benchmarks").rglob("*.py")]
+    files = [
+        *SOURCES,
+        *(ROOT / "export").rglob("*.py"),
+        *(ROOT / "benchmarks").rglob("*.py"),
+        *(ROOT / "tools").rglob("*.py"),
+    ]
     found = {str(p.relative_to(ROOT)): m.group().strip() for p in files if (m := unsafe.search(p.read_text()))}
     assert not found
     for line in ("np.load(f, allow_pickle=True)", "np.load(f)", "torch.load(f)", "import pickle"):
@@ -163,8 +167,7 @@ ELSEWHERE = {
 def public_classes() -> dict[str, type]:
     """Every concrete class of the theory that a user can build, wherever it was defined in the package."""
     for info in pkgutil.walk_packages(torchms.__path__, "torchms."):
-        # Programs define no such class, and their imports are extras of their own.
-        if info.name.removeprefix("torchms.") not in (*LAYERS[-2], *LAYERS[-1]) and "__main__" not in info.name:
+        if "__main__" not in info.name:
             importlib.import_module(info.name)
     roots: list[type] = [torchms.BSDF, torchms.MicrofacetDistribution, torchms.Scattering, torchms.Segment]
     pending: list[type] = [*roots, fresnel.Fresnel]

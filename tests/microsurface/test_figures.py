@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import torch
 
+from torchms.cli.figures import run_figures
+from torchms.cli.simulate import FiguresOptions
 from torchms.microsurface import GridTracer
-from torchms.microsurface.cli import FiguresOptions
-from torchms.microsurface.comparison import SIMULATION, Case, plane_of_incidence
-from torchms.microsurface.figures import run_figures
+from torchms.microsurface.simulation.comparison import SIMULATION, Case, plane_of_incidence
 
 
 @pytest.mark.parametrize("material", ["conductor", "dielectric"])

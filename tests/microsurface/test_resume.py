@@ -16,7 +16,7 @@ import soak
 import torch
 
 from torchms.microsurface import GaussianSurfaces, GridTracer, Lambertian, Mirror, Refractive, simulate
-from torchms.microsurface.checkpoint import differences
+from torchms.microsurface.simulation.checkpoint import differences
 
 KEYS = ("reflected", "transmitted", "reflected_stderr", "transmitted_stderr", "lost", "slopes", "n", "segments")
 OPTIONS = ("--material", "dielectric", "--alpha", "0.8", "--alpha-y", "0.3", "--theta", "1.1", "--phi", "0.4")
@@ -58,7 +58,7 @@ def killed(folder: Path, rays: str, workers: int, out: Path) -> dict[str, int]:
 
 
 def expected(rays: float) -> dict:
-    from torchms.microsurface.cli import direction
+    from torchms.cli.simulate import direction
 
     tally = simulate(
         GaussianSurfaces(0.8, 0.3, count=3, size=128),

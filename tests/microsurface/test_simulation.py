@@ -131,8 +131,8 @@ def test_halving_the_texels_changes_less_than_the_budget(theta: float) -> None:
 
 
 def test_result_does_not_depend_on_threads_or_batches(monkeypatch: pytest.MonkeyPatch) -> None:
-    from torchms.microsurface import simulation
-    from torchms.microsurface.plan import Plan
+    from torchms.microsurface.simulation import run as running
+    from torchms.microsurface.simulation.plan import Plan
 
     def run(threads: int, batch: int):
         plain = Plan.__init__
@@ -141,7 +141,7 @@ def test_result_does_not_depend_on_threads_or_batches(monkeypatch: pytest.Monkey
             plain(self, *args, rays_per_batch=batch, **kwargs)
 
         with monkeypatch.context() as m:
-            m.setattr(simulation, "Plan", type("Plan", (Plan,), {"__init__": small}))
+            m.setattr(running, "Plan", type("Plan", (Plan,), {"__init__": small}))
             return simulate(
                 GaussianSurfaces(0.8, count=2, size=128),
                 Lambertian((0.7, 1.0)),

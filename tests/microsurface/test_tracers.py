@@ -15,9 +15,9 @@ from torchms.microsurface import (
     Mirror,
     Refractive,
 )
-from torchms.microsurface.facets import launch
-from torchms.microsurface.grid import Grid, Paths
-from torchms.microsurface.tracer import Tracer
+from torchms.microsurface.rays.grid import Grid, Paths
+from torchms.microsurface.rays.tracer import Tracer
+from torchms.microsurface.simulation.facets import launch
 
 N = 40_000
 

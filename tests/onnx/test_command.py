@@ -9,9 +9,9 @@ import onnxruntime
 import pytest
 
 from torchms import GGX, GTR, Correlated, RoughConductor, Unidirectional
+from torchms.cli.export import build, run_export
 from torchms.fresnel import Ideal
 from torchms.onnx import Evaluator, export
-from torchms.onnx.command import build, run_export
 from torchms.onnx.options import ExportOptions
 
 ROOT = Path(__file__).parents[2]

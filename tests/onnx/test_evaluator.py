@@ -141,7 +141,7 @@ def test_forged_files_with_a_seal(tmp_path: Path, exported_file: File) -> None:
     for forged in ("[", "[]]", '{"a": 1}', "[1]", '[{"name": "x"}]', "[" * 100_000):
         model = onnx.load_model_from_string(exported_file("beckmann-pdf").read_bytes())
         kept = [entry for entry in model.metadata_props if entry.key != seal.KEY.decode()]
-        texts = {entry.key: entry.value for entry in kept} | {"torchms.storage.media": forged}
+        texts = {entry.key: entry.value for entry in kept} | {"torchms.inputs": forged}
         del model.metadata_props[:]
         for key, text in texts.items():
             model.metadata_props.add(key=key, value=text)

@@ -55,7 +55,7 @@ def test_metadata(exported_file: File) -> None:
     assert "Correlated" in said["torchms.model"] and "GGX" in said["torchms.material"]
     assert "away from the surface" in said["torchms.conventions"] and "1/sr" in said["torchms.conventions"]
     assert "Wang" in said["torchms.citation"]
-    inputs = json.loads(said["torchms.storage.media"])
+    inputs = json.loads(said["torchms.inputs"])
     assert [each["name"] for each in inputs] == ["wi", "wo", "seed", "alpha", "alpha_y"]
     assert (inputs[3]["low"], inputs[3]["high"]) == (1e-3, 2.0)
     assert [each.name for each in session.get_inputs()] == ["wi", "wo", "seed", "alpha", "alpha_y"]

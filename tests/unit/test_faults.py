@@ -24,7 +24,7 @@ from hostile import FLIPS, TRUNCATIONS, damaged
 
 from torchms.approximations import AlbedoTable
 from torchms.microsurface import GaussianSurfaces, Lambertian, simulate
-from torchms.microsurface.grid_walk import GridTracer
+from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.storage import write as files
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import check_writable, write_whole

@@ -14,7 +14,7 @@ import trimesh
 from PIL import Image
 
 from torchms.microsurface import GaussianSurfaces, Heightfield, Lambertian, simulate
-from torchms.microsurface.grid_walk import GridTracer
+from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.render.images import exr_bytes, read_picture
 from torchms.render.scenes import load_shape
 from torchms.storage import media as inputs

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from torchms import generate_special
+from tools import generate_special
 from torchms.maths import special
 
 mp = pytest.importorskip("mpmath", reason="needs mpmath (pip install mpmath)")

@@ -18,13 +18,12 @@ from forked import Forked
 from matplotlib.backends import backend_agg, backend_svg
 
 import export.__main__ as exporting
+from tools import generate_metals, generate_tables
 from torchms import cli
-from torchms.approximations import generate_tables
-from torchms.fresnel import generate_metals
-from torchms.lobes import energy
-from torchms.microsurface import Heightfield, figures
-from torchms.onnx import check, command, exporter, table
-from torchms.render import run
+from torchms.cli import energy, figures, render
+from torchms.cli import export as command
+from torchms.microsurface import Heightfield
+from torchms.onnx import check, exporter, table
 from torchms.render.images import read_picture
 from torchms.storage.media import read_mesh
 from torchms.testing import chi_square
@@ -128,7 +127,7 @@ WRITERS: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
 COMMANDS = {"simulate", "energy", "figures", "render", "export", "python -m export"}
 """Writers that say in one line what is wrong, with code 2; the others raise."""
 
-PRELOADED = (energy, figures, run, backend_agg, backend_svg)
+PRELOADED = (energy, figures, render, backend_agg, backend_svg)
 """Loaded before the fork."""
 
 

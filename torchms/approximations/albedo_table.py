@@ -28,14 +28,14 @@ SHAPES: dict[str, tuple[int, ...]] = {
 
 KNOWN = ("GGX", "Beckmann")
 MOST_BYTES = 4 << 20
-REMEDY = "Write it again: python -m torchms.approximations.generate_tables."
+REMEDY = "Write it again: python -m tools.generate_tables, in the repository."
 
 
 def provenance(name: str) -> str:
     """What a file says about where it comes from."""
     return (
         f"torchms {__version__}, torch {torch.__version__}; "
-        f"python -m torchms.approximations.generate_tables {name}; single bounce of torchms, float64 quadrature "
+        f"python -m tools.generate_tables {name}; single bounce of torchms, float64 quadrature "
         "(reflection) and 4096 scrambled Sobol points (dielectric), Chebyshev series rounded to float32"
     )
 

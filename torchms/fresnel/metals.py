@@ -1,4 +1,4 @@
-"""Measured metals in RGB: a reader of `metals.json`, which `python -m torchms.fresnel.generate_metals` writes."""
+"""Measured metals in RGB: a reader of `metals.json`, which `python -m tools.generate_metals` writes."""
 
 import functools
 import json

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from torchms.bsdfs.base import BSDF
+from torchms.cli.progress import progress_bar
 from torchms.lobes.tally import Lobes, Tally
 from torchms.maths.frame import Vec3
-from torchms.progress import progress_bar
 from torchms.sampling.uniforms import draw, generator_for
 from torchms.typing import Direction
 

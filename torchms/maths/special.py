@@ -11,7 +11,7 @@ from torch import Tensor
 
 from torchms.maths.numerics import log1p
 
-# The tables below: `python -m torchms.generate_special`, mpmath 1.3.0, November 2026; highest power first.
+# The tables below: `python -m tools.generate_special`, mpmath 1.3.0, November 2026; highest power first.
 # Tables: begin.
 ERFCX = {
     torch.float32: (

@@ -10,11 +10,11 @@ Needs the extra `microsurface` (trimesh, embreex, numba), which is imported on f
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from torchms.microsurface.grid_walk import GridTracer
-    from torchms.microsurface.heightfield import GaussianSurfaces, Heightfield
-    from torchms.microsurface.materials import FacetMaterial, Lambertian, Mirror, Refractive
-    from torchms.microsurface.simulation import simulate
-    from torchms.microsurface.tracer import EmbreeTracer, Tracer
+    from torchms.microsurface.rays.grid_walk import GridTracer
+    from torchms.microsurface.rays.tracer import EmbreeTracer, Tracer
+    from torchms.microsurface.simulation.materials import FacetMaterial, Lambertian, Mirror, Refractive
+    from torchms.microsurface.simulation.run import simulate
+    from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
 
 __all__ = [
     "EmbreeTracer",
@@ -30,16 +30,16 @@ __all__ = [
 ]
 
 _HOME = {
-    "EmbreeTracer": "tracer",
-    "FacetMaterial": "materials",
-    "GaussianSurfaces": "heightfield",
-    "GridTracer": "grid_walk",
-    "Heightfield": "heightfield",
-    "Lambertian": "materials",
-    "Mirror": "materials",
-    "Refractive": "materials",
-    "Tracer": "tracer",
-    "simulate": "simulation",
+    "EmbreeTracer": "rays.tracer",
+    "FacetMaterial": "simulation.materials",
+    "GaussianSurfaces": "surfaces.heightfield",
+    "GridTracer": "rays.grid_walk",
+    "Heightfield": "surfaces.heightfield",
+    "Lambertian": "simulation.materials",
+    "Mirror": "simulation.materials",
+    "Refractive": "simulation.materials",
+    "Tracer": "rays.tracer",
+    "simulate": "simulation.run",
 }
 
 

@@ -79,12 +79,12 @@ class Evaluator:
             raise ValueError(f"{path.name} refers to data in other files, which torchms never writes. Export it again.")
         self.session = _session(content, path.name)
         self.metadata: dict[str, str] = dict(self.session.get_modelmeta().custom_metadata_map)
-        if "torchms.storage.media" not in self.metadata:
+        if "torchms.inputs" not in self.metadata:
             raise ValueError(
                 f"{path.name} was not written by torchms.onnx.export: it does not say what its inputs are."
             )
         try:
-            self.inputs = tuple(Input(entry) for entry in json.loads(self.metadata["torchms.storage.media"]))
+            self.inputs = tuple(Input(entry) for entry in json.loads(self.metadata["torchms.inputs"]))
             self.outputs: tuple[dict[str, Any], ...] = tuple(json.loads(self.metadata["torchms.outputs"]))
             self._result = namedtuple("Outputs", [entry["name"] for entry in self.outputs])
         except (ValueError, TypeError, LookupError, RecursionError) as error:

@@ -11,6 +11,7 @@ from typing import Any
 import torch
 
 from torchms.bsdfs.base import BSDF
+from torchms.citations import cite
 from torchms.onnx import seal
 from torchms.onnx.graph import UNIFORMS, WHATS, Graph, Slot, slots
 from torchms.storage.write import check_writable, write_whole
@@ -25,15 +26,6 @@ CONVENTIONS = (
     "channels; orders[:, k-1] is what left after exactly k bounces; value is their sum. A pdf is a density over solid "
     "angle [1/sr]. alpha is the roughness of the slopes; u holds independent numbers in [0, 1), paths then dimensions."
 )
-
-CITATIONS = {
-    "SingleBounce": "Heitz 2014, Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs, JCGT 3(2)",
-    "HeightWalk": "Heitz, Hanika, d'Eon and Dachsbacher 2016, Multiple-Scattering Microfacet BSDFs with the Smith "
-    "Model, ACM TOG 35(4)",
-    "Invariance": "Cui et al. 2023, Multiple-bounce Smith Microfacet BRDFs using the Invariance Principle, "
-    "SIGGRAPH Asia 2023",
-    "": "Wang et al. 2022, Position-Free Multiple-Bounce Computations for Smith Microfacet BSDFs, ACM TOG 41(4)",
-}
 
 
 def export(
@@ -219,9 +211,6 @@ def describe(model: Any, graph: Graph) -> None:
         "sample": {"wo": ["batch", N, 3], "pdf": ["batch", N]},
         "pdf": {"pdf": ["batch"]},
     }[graph.what]
-    segment = getattr(bsdf.scattering, "segment", None)
-    model_name = type(bsdf.scattering).__name__
-    citations = {CITATIONS[n] for n in (model_name, type(segment).__name__) if n in CITATIONS} or {CITATIONS[""]}
     entries = {
         "torchms.version": __version__,
         "torchms.what": graph.what,
@@ -234,14 +223,15 @@ def describe(model: Any, graph: Graph) -> None:
         "torchms.n_paths": str(N),
         "torchms.n_uniforms": str(graph.n_uniforms if graph.draws else 0),
         "torchms.opset": str(OPSET),
-        "torchms.storage.media": json.dumps(inputs),
+        "torchms.inputs": json.dumps(inputs),
         "torchms.outputs": json.dumps([{"name": k, "shape": s, "dtype": dtype} for k, s in outputs.items()]),
-        "torchms.citation": "; ".join(sorted(citations)),
+        "torchms.citation": cite(bsdf),
     }
     del model.metadata_props[:]
     for key, value in entries.items():
         model.metadata_props.add(key=key, value=value)
     model.producer_name, model.producer_version = "torchms", __version__
+    model_name = type(bsdf.scattering).__name__
     model.doc_string = f"{graph.what} of {type(bsdf).__name__}, {model_name}: see the metadata for the conventions."
 
 

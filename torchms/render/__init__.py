@@ -14,12 +14,9 @@ _HOME = {
     "DirectionalLight": "lights",
     "Environment": "lights",
     "Picture": "film",
-    "RenderOptions": "options",
     "Shape": "shapes",
     "load_shape": "scenes",
-    "parse_bsdf": "expression",
     "render": "film",
-    "run_render": "run",
 }
 
 __all__ = sorted(_HOME)

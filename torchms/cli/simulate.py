@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from torchms.lobes.tally import Tally
-    from torchms.microsurface.heightfield import GaussianSurfaces, Heightfield
-    from torchms.microsurface.materials import FacetMaterial
+    from torchms.microsurface.simulation.materials import FacetMaterial
+    from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
 
 
 @dataclass
@@ -125,10 +125,10 @@ def run_simulate(options: SimulateOptions) -> dict[str, Any]:
             check_writable(path, options.force)
     check_options(options)
 
-    from torchms.microsurface.distributed import process_group, rank_and_size
-    from torchms.microsurface.grid_walk import GridTracer
-    from torchms.microsurface.simulation import simulate
-    from torchms.microsurface.tracer import EmbreeTracer
+    from torchms.microsurface.rays.grid_walk import GridTracer
+    from torchms.microsurface.rays.tracer import EmbreeTracer
+    from torchms.microsurface.simulation.distributed import process_group, rank_and_size
+    from torchms.microsurface.simulation.run import simulate
 
     with process_group():
         rank, size = rank_and_size()
@@ -179,7 +179,7 @@ def direction(theta: float, phi: float) -> tuple[float, float, float]:
 
 def surface_of(options: SimulateOptions) -> "Heightfield | GaussianSurfaces":
     """The surface or surfaces that the options ask for."""
-    from torchms.microsurface.heightfield import GaussianSurfaces, Heightfield
+    from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
 
     if options.surface is not None:
         return Heightfield.from_file(
@@ -192,7 +192,7 @@ def surface_of(options: SimulateOptions) -> "Heightfield | GaussianSurfaces":
 
 def material_of(options: SimulateOptions) -> "FacetMaterial":
     """The material that the options ask for."""
-    from torchms.microsurface.materials import Lambertian, Mirror, Refractive
+    from torchms.microsurface.simulation.materials import Lambertian, Mirror, Refractive
 
     if options.material == "dielectric":
         return Refractive(options.eta)
@@ -269,7 +269,7 @@ def table(result: dict[str, Any]) -> str:
 
 
 def main() -> int:
-    """`python -m torchms.microsurface.cli`: the simulate command alone."""
+    """`python -m torchms.cli.simulate`: the simulate command alone."""
     import tyro
 
     options = tyro.cli(SimulateOptions)

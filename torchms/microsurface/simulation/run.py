@@ -11,14 +11,14 @@ import numpy as np
 from torch import Tensor
 
 from torchms.lobes.tally import Tally
-from torchms.microsurface import distributed
-from torchms.microsurface.checkpoint import Checkpoint
-from torchms.microsurface.grid_walk import require_numba
-from torchms.microsurface.heightfield import GaussianSurfaces, Heightfield
-from torchms.microsurface.materials import FacetMaterial
-from torchms.microsurface.plan import Partial, Plan, Shard, run_surface
-from torchms.microsurface.progress import Progress
-from torchms.microsurface.tracer import EmbreeTracer, Tracer
+from torchms.microsurface.rays.grid_walk import require_numba
+from torchms.microsurface.rays.tracer import EmbreeTracer, Tracer
+from torchms.microsurface.simulation import distributed
+from torchms.microsurface.simulation.checkpoint import Checkpoint
+from torchms.microsurface.simulation.materials import FacetMaterial
+from torchms.microsurface.simulation.plan import Partial, Plan, Shard, run_surface
+from torchms.microsurface.simulation.progress import Progress
+from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
 
 
 def simulate(

@@ -7,11 +7,11 @@ from typing import Any
 
 import torch
 
+from torchms.cli.simulate import FiguresOptions
 from torchms.lobes import Tally
-from torchms.microsurface.cli import FiguresOptions
-from torchms.microsurface.comparison import SIMULATION, Case, energies, plane_of_incidence
-from torchms.microsurface.grid_walk import GridTracer
-from torchms.microsurface.tracer import EmbreeTracer
+from torchms.microsurface.rays.grid_walk import GridTracer
+from torchms.microsurface.rays.tracer import EmbreeTracer
+from torchms.microsurface.simulation.comparison import SIMULATION, Case, energies, plane_of_incidence
 from torchms.storage.write import check_writable, write_json, write_whole
 
 BOUNCES = ("k = 1", "k = 2", "k = 3", "k ≥ 4")

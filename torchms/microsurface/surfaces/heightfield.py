@@ -100,7 +100,7 @@ class Heightfield:
         `periodic`: its last row and column repeat the first (what `.mesh` makes); then they are dropped. Else see
         `from_heights`. Raises ValueError if the mesh is not such a heightfield, and says why.
         """
-        from torchms.microsurface.mesh import grid_of_mesh
+        from torchms.microsurface.surfaces.mesh import grid_of_mesh
 
         heights, spacing = grid_of_mesh(mesh)
         if periodic:
@@ -128,7 +128,7 @@ class Heightfield:
         height_scale: length of one step of the map's values, in the unit of `spacing`; both are ignored for a mesh.
         An image's columns run along x and its rows along y; `.npy` is taken as `heights[i, j]` of `from_heights`.
         """
-        from torchms.microsurface.mesh import read_heights, read_mesh
+        from torchms.microsurface.surfaces.mesh import read_heights, read_mesh
 
         mesh = read_mesh(path)
         if mesh is not None:
@@ -179,7 +179,7 @@ class Heightfield:
     @cached_property
     def mesh(self) -> "trimesh.Trimesh":
         """One tile as a triangle mesh, (n_x + 1)(n_y + 1) vertices; the last row and column repeat the first."""
-        from torchms.microsurface.mesh import mesh_of_grid
+        from torchms.microsurface.surfaces.mesh import mesh_of_grid
 
         return mesh_of_grid(np.pad(self.heights, ((0, 1), (0, 1)), mode="wrap"), self.spacing)
 
@@ -188,7 +188,7 @@ class Heightfield:
 
         Atomic. Raises FileExistsError if `path` exists and not `force`.
         """
-        from torchms.microsurface.mesh import export
+        from torchms.microsurface.surfaces.mesh import export
 
         export(self, path, force=force)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from torchms.microsurface.grid import Grid, Paths
+from torchms.microsurface.rays.grid import Grid, Paths
 
 
 @dataclass
@@ -112,7 +112,7 @@ class EmbreeCaster(Caster):
         largest = np.float32(max(abs(self.grid.top), abs(self.grid.bottom)))
         self.offset = max(self.offset, 2 * float(np.spacing(largest)))
         EmbreeScene, TriangleMesh = _embreex()
-        from torchms.microsurface.mesh import triangle_indices
+        from torchms.microsurface.surfaces.mesh import triangle_indices
 
         nx, ny = self.grid.heights.shape
         m = self.margin
@@ -145,7 +145,7 @@ class EmbreeCaster(Caster):
 
     def cast(self, paths: Paths) -> TraceCount:
         """See `Caster`."""
-        from torchms.microsurface.embree_kernels import resolve, start
+        from torchms.microsurface.rays.embree_kernels import resolve, start
 
         g, p, count = self.grid, paths, TraceCount()
         b = self._buffers(p.n)

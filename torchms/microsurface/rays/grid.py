@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from torchms.microsurface.heightfield import Heightfield
+from torchms.microsurface.surfaces.heightfield import Heightfield
 
 
 @dataclass(frozen=True)

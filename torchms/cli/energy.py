@@ -7,7 +7,7 @@ import torch
 
 from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-from torchms.cli_options import EnergyOptions, SurfaceOptions
+from torchms.cli.surface import EnergyOptions, SurfaceOptions
 from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
 from torchms.estimators import HeightWalk, Scattering, SingleBounce, Unidirectional
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal

@@ -6,8 +6,8 @@ import torch
 
 from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF
+from torchms.cli import energy
 from torchms.estimators import Bidirectional, HeightWalk, SingleBounce, Unidirectional
-from torchms.lobes import energy
 from torchms.onnx.check import check
 from torchms.onnx.exporter import checked, exported
 from torchms.onnx.options import ExportOptions

@@ -14,7 +14,7 @@ from torchms.storage.write import check_writable, write_whole
 if TYPE_CHECKING:
     import trimesh
 
-    from torchms.microsurface.heightfield import Heightfield
+    from torchms.microsurface.surfaces.heightfield import Heightfield
 
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 
 from torchms.lobes.tally import Lobes, Tally
-from torchms.microsurface.grid import Grid, Paths
-from torchms.microsurface.heightfield import GaussianSurfaces, Heightfield
-from torchms.microsurface.materials import FacetMaterial
-from torchms.microsurface.random import shard_key, surface_seed
-from torchms.microsurface.tracer import Caster, TraceCount, Tracer
+from torchms.microsurface.rays.grid import Grid, Paths
+from torchms.microsurface.rays.tracer import Caster, TraceCount, Tracer
+from torchms.microsurface.simulation.materials import FacetMaterial
+from torchms.microsurface.simulation.seeds import shard_key, surface_seed
+from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
 
 # Raise when a change of the code changes the numbers: checkpoints of another format are refused.
 FORMAT = 1
@@ -53,7 +53,7 @@ class Partial:
     @staticmethod
     def zeros(groups: int, surfaces: int, orders: int, channels: int, lobes: bool) -> "Partial":
         """Nothing found yet."""
-        from torchms.microsurface.facets import N_COS, N_PHI, PLANES
+        from torchms.microsurface.simulation.facets import N_COS, N_PHI, PLANES
 
         planes = PLANES if lobes else 0
         return Partial(
@@ -182,7 +182,7 @@ class Plan:
 
     def run_shard(self, shard: Shard, grid: Grid, caster: Caster, measured: np.ndarray) -> Partial:
         """Trace one shard; depends on nothing but the plan and the shard's number."""
-        from torchms.microsurface.facets import launch, remaining, settle
+        from torchms.microsurface.simulation.facets import launch, remaining, settle
 
         material, channels = self.material, self.material.channels
         found = Partial.zeros(1, 1, self.max_order, channels, self.lobes)
@@ -275,7 +275,7 @@ def run_surface(
 
 def _mean(energy: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean over all rays and its standard error from the spread of the groups (infinite if there is one)."""
-    from torchms.microsurface.facets import UNIT
+    from torchms.microsurface.simulation.facets import UNIT
 
     groups, total = len(rays), rays.sum()
     shape = (groups,) + (1,) * (energy.ndim - 1)

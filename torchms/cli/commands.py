@@ -6,18 +6,18 @@ from importlib import import_module
 
 import tyro
 
-from torchms.cli_options import EnergyOptions
-from torchms.microsurface.cli import FiguresOptions, SimulateOptions
+from torchms.cli.simulate import FiguresOptions, SimulateOptions
+from torchms.cli.surface import EnergyOptions
 from torchms.onnx.options import ExportOptions
 from torchms.render.options import RenderOptions
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
-    "energy": (EnergyOptions, "torchms.lobes.energy:run_energy"),
-    "simulate": (SimulateOptions, "torchms.microsurface.cli:run_simulate"),
-    "figures": (FiguresOptions, "torchms.microsurface.figures:run_figures"),
-    "render": (RenderOptions, "torchms.render.run:run_render"),
-    "export": (ExportOptions, "torchms.onnx.command:run_export"),
+    "energy": (EnergyOptions, "torchms.cli.energy:run_energy"),
+    "simulate": (SimulateOptions, "torchms.cli.simulate:run_simulate"),
+    "figures": (FiguresOptions, "torchms.cli.figures:run_figures"),
+    "render": (RenderOptions, "torchms.cli.render:run_render"),
+    "export": (ExportOptions, "torchms.cli.export:run_export"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""
 

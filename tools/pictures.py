@@ -1,4 +1,4 @@
-"""The pictures of the README, about three minutes of one core: python -m torchms.render.pictures [folder]."""
+"""The pictures of the README, about three minutes of one core: python -m tools.pictures [folder]."""
 
 import math
 import sys
@@ -8,9 +8,9 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from torchms.cli.render import run_render
 from torchms.render.images import write_picture
 from torchms.render.options import RenderOptions
-from torchms.render.run import run_render
 
 MIRROR = "RoughConductor(GGX(1.0), Ideal(), {})"
 ALL_BOUNCES = "Bidirectional(Invariance(), max_order=12)"

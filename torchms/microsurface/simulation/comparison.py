@@ -13,10 +13,10 @@ from torchms.distributions import Beckmann
 from torchms.estimators import HeightWalk, Scattering, Unidirectional
 from torchms.fresnel import Dielectric, Ideal
 from torchms.lobes import Tally, measure
-from torchms.microsurface.heightfield import GaussianSurfaces
-from torchms.microsurface.materials import FacetMaterial, Lambertian, Mirror, Refractive
-from torchms.microsurface.simulation import simulate
-from torchms.microsurface.tracer import Tracer
+from torchms.microsurface.rays.tracer import Tracer
+from torchms.microsurface.simulation.materials import FacetMaterial, Lambertian, Mirror, Refractive
+from torchms.microsurface.simulation.run import simulate
+from torchms.microsurface.surfaces.heightfield import GaussianSurfaces
 from torchms.paths.segments import Correlated, Invariance, Uncorrelated
 
 SIMULATION = "simulation"

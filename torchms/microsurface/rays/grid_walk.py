@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from torchms.microsurface.grid import Grid, Paths
-from torchms.microsurface.tracer import Caster, TraceCount, Tracer
+from torchms.microsurface.rays.grid import Grid, Paths
+from torchms.microsurface.rays.tracer import Caster, TraceCount, Tracer
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class GridTracer(Tracer):
     def bind(self, grid: Grid) -> "GridCaster":
         """Bound the heights of each block of cells."""
         require_numba()
-        from torchms.microsurface.grid_walk_kernel import COARSE, FINE, block_bounds
+        from torchms.microsurface.rays.grid_walk_kernel import COARSE, FINE, block_bounds
 
         return GridCaster(grid, *block_bounds(grid.heights, FINE), *block_bounds(grid.heights, COARSE))
 
@@ -40,7 +40,7 @@ class GridCaster(Caster):
 
     def cast(self, paths: Paths) -> TraceCount:
         """See `Caster`."""
-        from torchms.microsurface.grid_walk_kernel import walk
+        from torchms.microsurface.rays.grid_walk_kernel import walk
 
         g, p = self.grid, paths
         bounds = (self.top, self.bottom, self.far_top, self.far_bottom)

@@ -1,4 +1,4 @@
-"""Writes the albedo tables beside this file: python -m torchms.approximations.generate_tables [distribution …]
+"""Writes the albedo tables of `torchms.approximations`: python -m tools.generate_tables [distribution …]
 
 The energy of one bounce off facets with F = 1 is `energy_lost`, a quadrature whose error is below 1e-5; that of a
 dielectric is `RoughDielectric(…, SingleBounce()).albedo` with 2^12 scrambled Sobol points. Chebyshev series are fitted to
@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from torchms.approximations import albedo_table
 from torchms.approximations import coordinates as at
 from torchms.approximations.albedo_table import FORMAT, SHAPES, AlbedoTable, provenance
 from torchms.approximations.chebyshev import polynomials
@@ -28,7 +29,7 @@ from torchms.maths.frame import split
 from torchms.sampling.uniforms import draw, generator_for
 from torchms.storage.write import write_whole
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(albedo_table.__file__).parent
 KINDS = {"GGX": GGX, "Beckmann": Beckmann}
 OVER = 1.25
 """Nodes along an axis for each coefficient."""

@@ -1,0 +1,1 @@
+"""Programs that write what the package ships, each by its own `python -m tools.<name>`; they need extras."""

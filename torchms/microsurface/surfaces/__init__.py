@@ -1,0 +1,1 @@
+"""Explicit microsurfaces: tiles of heights, where they come from, and as meshes and files."""
