@@ -75,7 +75,8 @@ def test_bad_arguments() -> None:
 def test_a_file_cites_what_its_surface_does() -> None:
     """The metadata of an ONNX file has the papers of `cite`, for every scattering and material."""
     onnx = pytest.importorskip("onnx", reason="needs the onnx extra: pip install torchms[onnx]")
-    from torchms.onnx.exporter import checked, describe
+    from torchms.onnx.exporter import checked
+    from torchms.onnx.metadata import describe
 
     for make in {**SCATTERINGS, **COMPENSATIONS}.values():
         surface = ms.RoughConductor(ms.GGX(0.5), Conductor.metal("Au"), make(2))
@@ -83,3 +84,10 @@ def test_a_file_cites_what_its_surface_does() -> None:
         describe(model, checked(surface, "forward", (), "input", 1))
         said = {entry.key: entry.value for entry in model.metadata_props}
         assert said["torchms.citation"] == ms.cite(surface)
+
+
+@pytest.mark.parametrize("scattering", [ms.SingleBounce, ms.KullaConty, ms.Turquin])
+def test_one_bounce_is_not_after_the_papers_on_several(scattering: type) -> None:
+    """A single bounce holds a segment, but for one bounce that is the G2 of 2014."""
+    assert not {"Wang2022", "Cui2023"} & set(re.findall(r"^\[(\w+)\]", ms.cite(scattering()), re.M))
+    assert "[Heitz2014]" in ms.cite(ms.SingleBounce())

@@ -1,5 +1,6 @@
 """The papers behind the parts of a BSDF: `torchms.cite`."""
 
+from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from torch import nn
@@ -101,6 +102,7 @@ BEHIND: dict[str, tuple[str, ...]] = {
     "RoughConductor": ("Heitz2014",),
     "RoughDielectric": ("Heitz2014", "Walter2007"),
     "RoughDiffuse": ("Heitz2014", "HeitzDupuy2015"),
+    "SingleBounce": ("Heitz2014",),
     "Unidirectional": ("Wang2022",),
     "Bidirectional": ("Wang2022",),
     "Uncorrelated": ("Wang2022",),
@@ -132,9 +134,17 @@ def cite(bsdf: nn.Module, style: Literal["text", "bibtex"] = "text") -> str:
 
 def _keys(bsdf: nn.Module) -> set[str]:
     # A parametrized module (see `constrain`) is of a class of its own, whose base is meant.
-    names = {base.__name__ for part in bsdf.modules() for base in type(part).__mro__}
+    names = {base.__name__ for part in _parts(bsdf) for base in type(part).__mro__}
     keys = {key for name in names for key in BEHIND.get(name, ())}
     return keys | {key for pair, key in TOGETHER.items() if names.issuperset(pair)}
+
+
+def _parts(module: nn.Module) -> Iterator[nn.Module]:
+    """`module` and its parts; not what a single bounce holds, for which all models of several bounces agree."""
+    yield module
+    if not any(base.__name__ == "SingleBounce" for base in type(module).__mro__):
+        for child in module.children():
+            yield from _parts(child)
 
 
 def _text(key: str, paper: Paper) -> str:

@@ -8,10 +8,10 @@ from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF
 from torchms.cli import energy
 from torchms.estimators import Bidirectional, HeightWalk, SingleBounce, Unidirectional
-from torchms.onnx.check import check
 from torchms.onnx.exporter import checked, exported
 from torchms.onnx.options import ExportOptions
-from torchms.onnx.table import FOOTNOTE, Entry, table
+from torchms.onnx.parity.compare import check
+from torchms.onnx.parity.table import FOOTNOTE, Entry, table
 from torchms.paths.segments import Correlated, Invariance, Uncorrelated
 from torchms.storage.write import check_writable, write_json, write_whole
 
