@@ -3,7 +3,7 @@
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import pytest
@@ -28,6 +28,7 @@ from torchms import (
     Scattering,
     Segment,
     SingleBounce,
+    Stream,
     Turquin,
     Uncorrelated,
     Unidirectional,
@@ -113,10 +114,10 @@ def bsdf(
 
 
 @functools.cache
-def serves(material: str, scattering: str) -> bool:
+def serves(material: str, scattering: str, alpha: tuple[float, ...] = (0.7, 0.3)) -> bool:
     """Whether the material takes that scattering; which ones it must refuse is a test of its own."""
     try:
-        bsdf(material, scattering)
+        bsdf(material, scattering, alpha=alpha)
     except ValueError:
         return False
     return True
@@ -146,6 +147,25 @@ def models(materials: Iterable[str] = ONE_OF_EACH, scatterings: Iterable[str] = 
 def each(name: str, table: Iterable[Any]) -> pytest.MarkDecorator:
     """Parametrize over the keys of a table."""
     return pytest.mark.parametrize(name, [pytest.param(key, marks=slow_if_heavy(key)) for key in table])
+
+
+def surfaces() -> pytest.MarkDecorator:
+    """Parametrize over material × scattering, compensations included, × distribution: whatever can be built."""
+    found = [
+        (m, s, d)
+        for m, s in itertools.product(ONE_OF_EACH, {**SCATTERINGS, **COMPENSATIONS})
+        for d in (ELLIPTIC if s in COMPENSATIONS else DISTRIBUTIONS)
+        if serves(m, s, alpha=alphas_for(m, s))
+    ]
+    return pytest.mark.parametrize(
+        "material,scattering,distribution",
+        [pytest.param(*c, marks=slow_if_heavy(c[1]) or slow_if_heavy(c[2]), id="-".join(c)) for c in found],
+    )
+
+
+def alphas_for(material: str, scattering: str) -> tuple[float, ...]:
+    """Two roughnesses wherever they are served: compensated glass has one."""
+    return (0.6,) if scattering in COMPENSATIONS and transmits(material) else (0.7, 0.3)
 
 
 def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:
@@ -189,3 +209,10 @@ METHODS = {
     "albedo": lambda s, wi, wo, u: s.albedo(wi, u),
 }
 """Every method that evaluates, as a list of tensors."""
+
+NUMBERS: dict[str, Callable[[Sequence[int], int, int], Tensor | Stream]] = {
+    "tensor": lambda batch, n_paths, D: Stream(11, n_paths).uniforms(batch, D, torch.float64),
+    "stream": lambda batch, n_paths, D: Stream(11, n_paths),
+    "seeds": lambda batch, n_paths, D: Stream(Stream(11).seeds(batch), n_paths),
+}
+"""The same random numbers in every form in which a method takes them: of (batch, N, D)."""

@@ -6,6 +6,7 @@ of rows change them.
 """
 
 from collections.abc import Sequence
+from typing import overload
 
 import torch
 from torch import Tensor
@@ -192,7 +193,13 @@ class StreamNumbers(Sequence[Tensor]):
     def __len__(self) -> int:
         return self.n_uniforms
 
-    def __getitem__(self, d: int) -> Tensor:  # type: ignore[override]
+    @overload
+    def __getitem__(self, d: int) -> Tensor: ...
+    @overload
+    def __getitem__(self, d: slice) -> tuple[Tensor, ...]: ...
+    def __getitem__(self, d: int | slice) -> Tensor | tuple[Tensor, ...]:
+        if isinstance(d, slice):
+            return tuple(self[i] for i in range(*d.indices(self.n_uniforms)))
         if not 0 <= d < self.n_uniforms:
             raise IndexError(d)
         if d not in self.known:
