@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from torch._C._functorch import is_functorch_wrapped_tensor
 
 from torchms.maths.frame import kind_of
+from torchms.maths.numerics import has_values
 from torchms.parameters.declared import first_bad
 from torchms.sampling.stream import Stream
 
@@ -134,7 +135,7 @@ def _strays(w: Tensor, slack: float) -> bool:
 
 def _has_no_values(w: Tensor) -> bool:
     """Whether `w` stands for values that are not known now: traced, fake, or one of many under a transform."""
-    return w.is_meta or isinstance(w, torch._subclasses.FakeTensor) or is_functorch_wrapped_tensor(w)
+    return not has_values(w) or is_functorch_wrapped_tensor(w)
 
 
 def _refuse(name: str, w: Tensor, slack: float) -> None:
