@@ -63,7 +63,9 @@ def leaves(surface: BSDF) -> dict[str, Tensor]:
 def check(surface: BSDF) -> Iterator[str]:
     """What does not stay on the device."""
     given = leaves(surface)
-    there = with_parameters(surface, given | {name: x.to(DEVICE) for name, x in weights(surface).items()})
+    there = with_parameters(
+        surface, given | {name: torch.empty_like(x, device=DEVICE) for name, x in weights(surface).items()}
+    )
     assert there.device.type == DEVICE
     wi, wo = (torch.rand(ROWS, 3, device=DEVICE, requires_grad=True) for _ in range(2))
     numbers = {"tensor": there.uniforms((ROWS,), PATHS), "stream": Stream(3, PATHS)}

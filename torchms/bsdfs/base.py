@@ -10,7 +10,7 @@ from torch import Tensor
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.evaluation import blocks
-from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_unit, check_unit_interval
+from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values
 from torchms.maths.frame import Vec3, check_direction
 from torchms.maths.numerics import own_precision, widened
 from torchms.parameters.declared import Parametric
@@ -205,11 +205,10 @@ class BSDF(Parametric):
         check_random(u, self.n_uniforms, optional, caller)
         check_block(block, self.engine is not None, caller)
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
-        check_unit(directions)
         if optional:
             u = None
+        check_values(directions, u)
         if isinstance(u, Tensor):
-            check_unit_interval(u)
             u = widened(u)
         given = [widened(w) for w in directions.values()]
         with own_precision(given[0]):
