@@ -1,6 +1,6 @@
 """The public surface of every BSDF."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -48,7 +48,7 @@ class Albedo(NamedTuple):
     transmitted: Tensor
 
 
-class BSDF(Parametric):
+class BSDF(Parametric, ABC):
     """A surface: a distribution of microfacets, what one facet does, and how the bounces are summed.
 
     Directions are unit vectors in the local frame (+z is the macro-normal) that point away from the surface; a value is

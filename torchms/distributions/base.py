@@ -1,7 +1,7 @@
 """What every microfacet distribution offers, derived from three functions of its own."""
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 
 import torch
 from torch import Tensor
@@ -12,7 +12,7 @@ from torchms.parameters.declared import Parametric, describe
 from torchms.typing import Direction, Pair, Scalar
 
 
-class MicrofacetDistribution(Parametric):
+class MicrofacetDistribution(Parametric, ABC):
     """Statistics of the microfacet normals of a Smith surface.
 
     A subclass gives three kernels on component vectors: `normal_density` (D), `projected_area` (what Λ, G1 and the

@@ -1,6 +1,6 @@
 """What stands in a BSDF's `scattering` slot: an estimator, or an approximation, of the sum over bounces."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ class Exit(NamedTuple):
     transmitted: Tensor
 
 
-class Scattering(nn.Module):
+class Scattering(nn.Module, ABC):
     """How the bounces inside the microgeometry are summed.
 
     max_order: bounces that are counted, K. Results have one entry an order. is_unbiased: whether the expectation of

@@ -9,7 +9,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from torchms.parameters.exchange import parameters, with_parameters
+from torchms.parameters.exchange import parameters, weights, with_parameters
 
 M = TypeVar("M", bound=nn.Module)
 
@@ -25,7 +25,10 @@ def plain(module: M) -> M:
         name: value.detach().reshape(-1, *value.shape[len(record.batch(value)) :])[0].clone()
         for name, (record, value) in parameters(module).items()
     }
-    clone = copy.deepcopy(with_parameters(module, values)).double()
+    # A copy cannot be made of what has a graph: the tensors of a scattering lose theirs as well.
+    graphs = {name: x.detach() for name, x in weights(module).items() if not x.is_leaf}
+    clone = copy.deepcopy(with_parameters(module, values | graphs)).double()
+    clone.requires_grad_(False)
     if hasattr(clone, "engine"):
         clone.engine = None  # type: ignore[assignment]
     return clone

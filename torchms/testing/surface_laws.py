@@ -7,14 +7,14 @@ from functools import cache
 from pathlib import Path
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from torchms.bsdfs.base import BSDF
 from torchms.bsdfs.rough_conductor import RoughConductor
 from torchms.bsdfs.rough_dielectric import RoughDielectric
 from torchms.bsdfs.rough_diffuse import RoughDiffuse
 from torchms.fresnel.ideal import Ideal
-from torchms.parameters.exchange import parameters, with_parameters
+from torchms.parameters.exchange import parameters, weights, with_parameters
 from torchms.sampling.uniforms import draw
 from torchms.testing.chi_square import Comparison, compared
 from torchms.testing.furnace import white_furnace
@@ -168,7 +168,9 @@ def finite(bsdf: BSDF, dtype: torch.dtype) -> tuple[float, str]:
     """Of every method: at the poles, on the horizon, below it, at h = 0, at u = 0 and u → 1."""
     wi, wo = (x.to(dtype).requires_grad_() for x in edges())
     values = {name: value.detach().to(dtype).requires_grad_() for name, (_, value) in parameters(bsdf).items()}
-    here = with_parameters(bsdf.to(dtype), values)
+    bsdf.to(dtype)
+    values |= {n: x.detach().requires_grad_() for n, x in weights(bsdf).items() if isinstance(x, nn.Parameter)}
+    here = with_parameters(bsdf, values)
     most = 1 - torch.finfo(dtype).eps / 2
     rows = torch.tensor([[0.0], [0.5], [most]], dtype=dtype).expand(3, bsdf.n_uniforms)
     mixed = torch.where(torch.arange(bsdf.n_uniforms) % 2 == 0, rows[0], rows[2])
