@@ -48,7 +48,7 @@ class Heightfield:
         texels_per_correlation: float | int = 16.0,
         seed: int,
     ) -> "Heightfield":
-        """Gaussian random heights with slope variances α_x²/2, α_y²/2: a Beckmann microsurface (THEORY 10).
+        """Gaussian random heights with slope variances α_x²/2, α_y²/2: a Beckmann microsurface (docs/theory.md, section 10).
 
         size: texels along each edge of the tile. texels_per_correlation: texels in one correlation length l, where
         the autocorrelation is exp(−r²/l²); l along x is the unit of length. The slope rms of the facets is exact on
