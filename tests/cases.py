@@ -150,16 +150,21 @@ def each(name: str, table: Iterable[Any]) -> pytest.MarkDecorator:
 
 
 def surfaces() -> pytest.MarkDecorator:
-    """Parametrize over material × scattering, compensations included, × distribution: whatever can be built."""
+    """Parametrize over material × scattering, compensations included, × distribution: whatever can be built.
+
+    Quick are all scatterings of the first distribution, and all distributions with the quickest scatterings.
+    """
     found = [
         (m, s, d)
         for m, s in itertools.product(ONE_OF_EACH, {**SCATTERINGS, **COMPENSATIONS})
         for d in (ELLIPTIC if s in COMPENSATIONS else DISTRIBUTIONS)
         if serves(m, s, alpha=alphas_for(m, s))
     ]
+    quickest = {"single", *COMPENSATIONS}
+    slow = [c for c in found if HEAVY & set(c) or (c[2] != next(iter(DISTRIBUTIONS)) and c[1] not in quickest)]
     return pytest.mark.parametrize(
         "material,scattering,distribution",
-        [pytest.param(*c, marks=slow_if_heavy(c[1]) or slow_if_heavy(c[2]), id="-".join(c)) for c in found],
+        [pytest.param(*c, marks=[pytest.mark.slow] if c in slow else [], id="-".join(c)) for c in found],
     )
 
 

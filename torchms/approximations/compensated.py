@@ -12,6 +12,7 @@ from torchms.approximations.coordinates import ETA
 from torchms.estimators.base import Exit, Scattering
 from torchms.estimators.single_bounce import SingleBounce
 from torchms.maths.frame import Vec3
+from torchms.maths.numerics import has_values
 from torchms.paths.diffuse import Diffuse
 from torchms.paths.refractive import Refractive
 from torchms.paths.vertex import Vertex
@@ -73,7 +74,7 @@ class Compensated(Scattering):
                 "alpha would break the energy balance. Leave alpha_y out, or use HeightWalk()."
             )
         eta = vertex.eta.detach()
-        if not isinstance(eta, torch._subclasses.FakeTensor) and bool(((eta > ETA) | (eta < 1 / ETA)).any()):
+        if has_values(eta) and bool(((eta > ETA) | (eta < 1 / ETA)).any()):
             raise ValueError(
                 f"{name}: the table of dielectrics is for eta in [1/{ETA:g}, {ETA:g}]; got "
                 f"{float(eta.min()):g} to {float(eta.max()):g}. Use HeightWalk()."

@@ -10,7 +10,7 @@ from torch import Tensor
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.evaluation import blocks
-from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_unit, check_unit_interval
+from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values
 from torchms.maths.frame import Vec3, check_direction
 from torchms.maths.numerics import own_precision, widened
 from torchms.parameters.declared import Parametric
@@ -111,6 +111,12 @@ class BSDF(Parametric):
         others = (x.dtype for x in (*self.parameters(), *self.buffers()))
         return next(declared, None) or next(others, torch.get_default_dtype())
 
+    @property
+    def device(self) -> torch.device:
+        """Device of the tensors, and so of `uniforms`; the default one if there are none."""
+        given = next(iter((*self.parameters(), *self.buffers())), None)
+        return torch.get_default_device() if given is None else given.device
+
     def uniforms(
         self,
         batch_shape: Sequence[int],
@@ -118,13 +124,21 @@ class BSDF(Parametric):
         *,
         generator: torch.Generator | None = None,
         sequence: str = "random",
+        device: torch.device | str | None = None,
     ) -> Uniforms:
         """Random numbers for one call of any method: `(*batch_shape, n_paths, n_uniforms)` in [0, 1).
 
-        `sequence` is "random" or "sobol" (scrambled, rotated a row). Raises ValueError for another one.
+        `sequence` is "random" or "sobol" (scrambled, rotated a row). Raises ValueError for another one. `device`: None
+        takes that of the parameters; a `generator` of another device draws there.
         """
         return uniform_numbers.draw(
-            batch_shape, n_paths, self.n_uniforms, generator=generator, sequence=sequence, dtype=self.dtype
+            batch_shape,
+            n_paths,
+            self.n_uniforms,
+            generator=generator,
+            sequence=sequence,
+            dtype=self.dtype,
+            device=self.device if device is None else device,
         )
 
     def forward(
@@ -191,11 +205,10 @@ class BSDF(Parametric):
         check_random(u, self.n_uniforms, optional, caller)
         check_block(block, self.engine is not None, caller)
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
-        check_unit(directions)
         if optional:
             u = None
+        check_values(directions, u)
         if isinstance(u, Tensor):
-            check_unit_interval(u)
             u = widened(u)
         given = [widened(w) for w in directions.values()]
         with own_precision(given[0]):

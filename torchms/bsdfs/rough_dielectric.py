@@ -9,6 +9,7 @@ from torchms.estimators.base import Scattering
 from torchms.estimators.height_walk import HeightWalk
 from torchms.fresnel.dielectric import Dielectric
 from torchms.maths.frame import Vec3
+from torchms.maths.numerics import has_values
 from torchms.parameters.declared import first_bad
 from torchms.paths.refractive import Refractive
 from torchms.sampling.proposals import DielectricProposal
@@ -38,7 +39,7 @@ class RoughDielectric(BSDF):
         if mode not in MODES:
             raise ValueError(f"RoughDielectric(mode=...) must be one of {', '.join(MODES)}; got {mode!r}.")
         matched = (fresnel.eta.detach() - 1).abs() < 1e-4
-        if bool(matched.any()):
+        if has_values(matched) and bool(matched.any()):
             raise ValueError(
                 "RoughDielectric(fresnel=Dielectric(eta=...)): eta must differ from 1 by 1e-4 at least; "
                 f"got {first_bad(matched, fresnel.eta)}. With eta = 1 there is no interface."

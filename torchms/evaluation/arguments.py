@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from torch._C._functorch import is_functorch_wrapped_tensor
 
 from torchms.maths.frame import kind_of
+from torchms.maths.numerics import has_values
 from torchms.parameters.declared import first_bad
 from torchms.sampling.stream import Stream
 
@@ -36,34 +37,23 @@ def set_validation(enabled: bool) -> bool:
     return before
 
 
-def check_unit(directions: Mapping[str, Tensor]) -> None:
-    """Raise ValueError, in checked mode, for the first direction (*batch, 3) that is not of unit length."""
+def check_values(directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> None:
+    """Raise ValueError, in checked mode, for a direction (*batch, 3) that is not of unit length or a number not in [0, 1].
+
+    The host reads the result on the CPU block by block, from another device once.
+    """
     if not _checked or torch.compiler.is_compiling():
         return
-    for name, w in directions.items():
-        if not w.numel() or _has_no_values(w):
-            continue
-        with torch.no_grad():
-            seen = _seen_once(w, 1)
-            slack = max(UNIT, 4 * torch.finfo(w.dtype).eps)
-            if any(_strays(part, slack) for part in seen.reshape(-1, 3).split(CHUNK)):
-                _refuse(name, w.detach(), slack)
-
-
-def check_unit_interval(u: Tensor) -> None:
-    """Raise ValueError, in checked mode, for the first random number that is not in [0, 1]."""
-    if not _checked or torch.compiler.is_compiling() or not u.numel() or _has_no_values(u):
-        return
+    given = directions if not isinstance(u, Tensor) else {**directions, "u": u}
+    known = {name: x for name, x in given.items() if x.numel() and not _has_no_values(x)}
     with torch.no_grad():
-        seen = _seen_once(u, 0)
-        # In the order of memory, whatever that of the axes: what is contiguous is read six times as fast.
-        low, high = torch.aminmax(seen.permute(sorted(range(seen.ndim), key=seen.stride, reverse=True)))
-        if not (float(low) >= 0 and float(high) <= 1):
-            bad = ~((u >= 0) & (u <= 1))
-            raise ValueError(
-                f"u must hold numbers in [0, 1); got {first_bad(bad, u)}. Draw them with bsdf.uniforms(batch_shape, "
-                "n_paths), or use torchms.set_validation(False) to skip this check."
-            )
+        bad = {name: _strays(x) if name in directions else _leaves(x) for name, x in known.items()}
+        waiting = [x for x in bad.values() if isinstance(x, Tensor)]
+        if waiting and not bool(torch.stack(waiting).any()):
+            return
+        for name, x in known.items():
+            if bad[name]:
+                (_refuse_direction if name in directions else _refuse_number)(name, x.detach())
 
 
 def check_random(u: Tensor | Stream | None, D: int, optional: bool, caller: str) -> None:
@@ -124,25 +114,62 @@ def _seen_once(x: Tensor, trailing: int) -> Tensor:
     return x.detach()[tuple(slice(0, 1) if stride == 0 else slice(None) for stride in axes)]
 
 
-def _strays(w: Tensor, slack: float) -> bool:
-    """Whether some |w|² is not within `slack` of 1."""
-    x, y, z = w.unbind(-1)
-    low, high = torch.aminmax((x * x).addcmul_(y, y).addcmul_(z, z))
-    # Also where one is NaN, which `aminmax` hands on.
-    return not (float(low) >= 1 - slack and float(high) <= 1 + slack)
+def _strays(w: Tensor) -> bool | Tensor:
+    """Whether some |w|² is not near 1; off the CPU a tensor that says so, which nobody has waited for."""
+    seen, slack = _seen_once(w, 1).reshape(-1, 3), _slack(w)
+    here = _on_host(w)
+    bad: bool | Tensor = False
+    for part in seen.split(CHUNK) if here else (seen,):
+        x, y, z = part.unbind(-1)
+        bad = _outside((x * x).addcmul_(y, y).addcmul_(z, z), 1 - slack, 1 + slack)
+        if here and bad:
+            break
+    return bad
+
+
+def _leaves(u: Tensor) -> bool | Tensor:
+    """Whether a number is not in [0, 1]; off the CPU a tensor."""
+    seen = _seen_once(u, 0)
+    # In the order of memory, whatever that of the axes: what is contiguous is read six times as fast.
+    return _outside(seen.permute(sorted(range(seen.ndim), key=seen.stride, reverse=True)), 0.0, 1.0)
+
+
+def _outside(x: Tensor, least: float, most: float) -> bool | Tensor:
+    """Whether an element is not in [least, most], also because it is NaN, which `aminmax` hands on."""
+    low, high = torch.aminmax(x)
+    if _on_host(x):
+        return not (float(low) >= least and float(high) <= most)
+    return ~((low >= least) & (high <= most))
+
+
+def _on_host(x: Tensor) -> bool:
+    """Whether a number of `x` costs nothing to read."""
+    return x.device.type == "cpu"
+
+
+def _slack(w: Tensor) -> float:
+    return max(UNIT, 4 * torch.finfo(w.dtype).eps)
 
 
 def _has_no_values(w: Tensor) -> bool:
     """Whether `w` stands for values that are not known now: traced, fake, or one of many under a transform."""
-    return w.is_meta or isinstance(w, torch._subclasses.FakeTensor) or is_functorch_wrapped_tensor(w)
+    return not has_values(w) or is_functorch_wrapped_tensor(w)
 
 
-def _refuse(name: str, w: Tensor, slack: float) -> None:
-    length2 = (w * w).sum(-1)
+def _refuse_direction(name: str, w: Tensor) -> None:
+    length2, slack = (w * w).sum(-1), _slack(w)
     bad = ~((length2 - 1).abs() <= slack)
     flat = int(bad.reshape(-1).to(torch.uint8).argmax())
     value = ", ".join(f"{x:g}" for x in w.reshape(-1, 3)[flat].tolist())
     raise ValueError(
         f"{name} must hold unit vectors: |{name}|² within {slack:g} of 1; got {first_bad(bad, length2)}, where {name} = "
         f"({value}). Use torch.nn.functional.normalize({name}, dim=-1), or torchms.set_validation(False) to skip this check."
+    )
+
+
+def _refuse_number(name: str, u: Tensor) -> None:
+    bad = ~((u >= 0) & (u <= 1))
+    raise ValueError(
+        f"{name} must hold numbers in [0, 1); got {first_bad(bad, u)}. Draw them with bsdf.uniforms(batch_shape, "
+        "n_paths), or use torchms.set_validation(False) to skip this check."
     )

@@ -22,6 +22,11 @@ def own_precision(x: Tensor) -> contextlib.AbstractContextManager[object]:
     return torch.autocast(kind, enabled=False) if shortened else contextlib.nullcontext()
 
 
+def has_values(x: Tensor) -> bool:
+    """Whether the numbers of `x` can be looked at now: those of a meta or a fake tensor cannot."""
+    return not x.is_meta and not isinstance(x, torch._subclasses.FakeTensor)
+
+
 def smallest(dtype: torch.dtype) -> float:
     """Smallest squared length (or radicand) that is treated as positive: far above denormals, far below any use."""
     return 1e-30 if dtype == torch.float32 else 1e-200

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
-from torchms.maths.numerics import widened
+from torchms.maths.numerics import has_values, widened
 
 Value = float | int | list[Any] | tuple[Any, ...] | Tensor
 """What a constructor takes for a parameter: a number, a list of channels, or a tensor, (*batch) or (*batch, C)."""
@@ -109,7 +109,7 @@ class Parametric(nn.Module):
             tensor = tensor.reshape(1)
         if channels and tensor.shape[-1] == 0:
             raise ValueError(f"{label} must have at least one channel, on its last axis; got {tuple(tensor.shape)}.")
-        if not tensor.is_meta and not isinstance(tensor, torch._subclasses.FakeTensor):
+        if has_values(tensor):
             bad = record.outside(tensor.detach())
             if bool(bad.any()):
                 raise ValueError(f"{label} must lie in {record.range}; got {first_bad(bad, tensor)}. {remedy}")

@@ -121,16 +121,25 @@ class Stream:
         """Shape of the seeds; empty for an int, which serves any batch."""
         return self.seed.shape if isinstance(self.seed, Tensor) else torch.Size(())
 
-    def seeds(self, batch_shape: Sequence[int], device: torch.device | None = None) -> Tensor:
+    def seeds(self, batch_shape: Sequence[int], device: torch.device | str | None = None) -> Tensor:
         """The 64-bit seed of each element, int64 (*batch): what an ONNX file with a `seed` input takes."""
         if isinstance(self.seed, Tensor):
             return self.seed.to(device).expand(torch.Size(batch_shape))
         rows = torch.arange(torch.Size(batch_shape).numel(), device=device).reshape(torch.Size(batch_shape))
         return rows + (self.seed << 32)
 
-    def uniforms(self, batch_shape: Sequence[int], n_uniforms: int, dtype: torch.dtype = torch.float32) -> Tensor:
-        """The numbers themselves, (*batch, N, D): a call with them gives what a call with the stream gives."""
-        numbers = self._numbers(self.seeds(batch_shape), n_uniforms, dtype, slice(0, self.n_paths))
+    def uniforms(
+        self,
+        batch_shape: Sequence[int],
+        n_uniforms: int,
+        dtype: torch.dtype = torch.float32,
+        device: torch.device | str | None = None,
+    ) -> Tensor:
+        """The numbers themselves, (*batch, N, D): a call with them gives what a call with the stream gives.
+
+        They are computed on `device`, and are the same on all; None takes that of the seeds, or the default one.
+        """
+        numbers = self._numbers(self.seeds(batch_shape, device), n_uniforms, dtype, slice(0, self.n_paths))
         # Inductor would compute the integers of a stack of floats as floats.
         compiling = torch.compiler.is_compiling()
         stacked = numbers.stacked() if compiling else torch.stack([numbers[d] for d in range(n_uniforms)])
