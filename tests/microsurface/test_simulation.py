@@ -132,7 +132,7 @@ def test_halving_the_texels_changes_less_than_the_budget(theta: float) -> None:
 
 
 def test_result_does_not_depend_on_threads_or_batches(monkeypatch: pytest.MonkeyPatch) -> None:
-    from torchms.microsurface.simulation import run as running
+    from torchms.microsurface.simulation import simulate as running
     from torchms.microsurface.simulation.plan import Plan
 
     def run(threads: int, batch: int):
