@@ -27,8 +27,8 @@ from torchms.lobes import measure
 from torchms.lobes.measure import incident_angles
 from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.microsurface.simulation.materials import Mirror
-from torchms.microsurface.simulation.run import simulate
-from torchms.microsurface.surfaces.heightfield import GaussianSurfaces
+from torchms.microsurface.simulation.simulate import simulate
+from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 from torchms.storage.write import check_writable, write_json
 
 matplotlib.use("Agg")

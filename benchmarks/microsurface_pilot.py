@@ -16,7 +16,7 @@ import tyro
 
 from torchms.microsurface import EmbreeTracer, GaussianSurfaces, GridTracer, Heightfield, Mirror, Refractive, simulate
 from torchms.microsurface.rays.grid import Grid, Paths
-from torchms.microsurface.simulation.facets import launch
+from torchms.microsurface.simulation.launch import launch
 from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 

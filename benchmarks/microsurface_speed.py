@@ -24,9 +24,12 @@ from rich.table import Table
 from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, Mirror
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Caster, Tracer
-from torchms.microsurface.simulation.facets import launch, settle
-from torchms.microsurface.simulation.plan import Partial
-from torchms.microsurface.simulation.run import make_plan, run_shards
+from torchms.microsurface.simulation.launch import launch
+from torchms.microsurface.simulation.partial import Partial
+from torchms.microsurface.simulation.plan import Plan
+from torchms.microsurface.simulation.schedule import run_shards
+from torchms.microsurface.simulation.settle import settle
+from torchms.microsurface.simulation.tracing import run_shard
 from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 
@@ -83,7 +86,7 @@ def parts(grid: Grid, caster: Caster, wi: np.ndarray, n: int = 65536) -> dict[st
 def measured(surface: Heightfield, grid: Grid, tracer: Tracer, theta: float, options: Options) -> dict[str, Any]:
     """Speeds of one tracer on one surface at one angle."""
     wi = np.array([math.sin(theta), 0.0, math.cos(theta)])
-    plan = make_plan(surface, Mirror(), wi, n_rays=options.rays, seed=1, tracer=tracer)
+    plan = Plan(surface, Mirror(), wi, n_rays=options.rays, seed=1, tracer=tracer)
     wall = [
         run_shards(plan, plan.shards, plan.nothing(), threads=options.threads).report() for _ in range(options.repeats)
     ]
@@ -91,7 +94,7 @@ def measured(surface: Heightfield, grid: Grid, tracer: Tracer, theta: float, opt
     # Processor time of the tracing alone: once more, in one thread.
     shard = plan.shards[0]
     start = time.process_time()
-    found = plan.run_shard(shard, grid, caster.fork(), np.zeros(4))
+    found = run_shard(plan, shard, grid, caster.fork(), np.zeros(4))
     alone = time.process_time() - start
     segments = [w["segments_per_second"] for w in wall]
     return {

@@ -8,7 +8,8 @@ import torch
 
 from torchms.microsurface import GridTracer, Heightfield, Lambertian, Mirror, Refractive, simulate
 from torchms.microsurface.rays.grid import Grid, Paths
-from torchms.microsurface.simulation.facets import launch, philox_words
+from torchms.microsurface.simulation.launch import launch
+from torchms.microsurface.simulation.philox import philox_words
 
 FLAT = Heightfield.from_heights(np.zeros((16, 16)), 1.0, periodic=True)
 

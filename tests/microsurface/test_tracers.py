@@ -17,7 +17,7 @@ from torchms.microsurface import (
 )
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Tracer
-from torchms.microsurface.simulation.facets import launch
+from torchms.microsurface.simulation.launch import launch
 
 N = 40_000
 

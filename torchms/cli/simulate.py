@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from torchms.lobes.tally import Tally
     from torchms.microsurface.simulation.materials import FacetMaterial
-    from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
+    from torchms.microsurface.surfaces.heightfield import Heightfield
+    from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 
 
 @dataclass
@@ -128,7 +129,7 @@ def run_simulate(options: SimulateOptions) -> dict[str, Any]:
     from torchms.microsurface.rays.grid_walk import GridTracer
     from torchms.microsurface.rays.tracer import EmbreeTracer
     from torchms.microsurface.simulation.distributed import process_group, rank_and_size
-    from torchms.microsurface.simulation.run import simulate
+    from torchms.microsurface.simulation.simulate import simulate
 
     with process_group():
         rank, size = rank_and_size()
@@ -179,7 +180,8 @@ def direction(theta: float, phi: float) -> tuple[float, float, float]:
 
 def surface_of(options: SimulateOptions) -> "Heightfield | GaussianSurfaces":
     """The surface or surfaces that the options ask for."""
-    from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
+    from torchms.microsurface.surfaces.heightfield import Heightfield
+    from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 
     if options.surface is not None:
         return Heightfield.from_file(

@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from torchms.microsurface.rays.grid_walk import GridTracer
     from torchms.microsurface.rays.tracer import EmbreeTracer, Tracer
     from torchms.microsurface.simulation.materials import FacetMaterial, Lambertian, Mirror, Refractive
-    from torchms.microsurface.simulation.run import simulate
-    from torchms.microsurface.surfaces.heightfield import GaussianSurfaces, Heightfield
+    from torchms.microsurface.simulation.plan import Plan
+    from torchms.microsurface.simulation.simulate import simulate
+    from torchms.microsurface.surfaces.heightfield import Heightfield
+    from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 
 __all__ = [
     "EmbreeTracer",
@@ -24,6 +26,7 @@ __all__ = [
     "Heightfield",
     "Lambertian",
     "Mirror",
+    "Plan",
     "Refractive",
     "Tracer",
     "simulate",
@@ -32,14 +35,15 @@ __all__ = [
 _HOME = {
     "EmbreeTracer": "rays.tracer",
     "FacetMaterial": "simulation.materials",
-    "GaussianSurfaces": "surfaces.heightfield",
+    "GaussianSurfaces": "surfaces.recipe",
     "GridTracer": "rays.grid_walk",
     "Heightfield": "surfaces.heightfield",
     "Lambertian": "simulation.materials",
     "Mirror": "simulation.materials",
+    "Plan": "simulation.plan",
     "Refractive": "simulation.materials",
     "Tracer": "rays.tracer",
-    "simulate": "simulation.run",
+    "simulate": "simulation.simulate",
 }
 
 

@@ -86,7 +86,7 @@ class Vertex(ABC):
         """v(x, y) / (a(x) σ(y)), (C, …), for light that came from x and leaves towards y; may be an estimate."""
 
     def value(self, w: Vec3, d: Vec3, normal: Vec3 | None = None, side: Tensor | None = None) -> Tensor:
-        """The vertex term v(w, d) of THEORY section 4, (C, …)."""
+        """The vertex term v(w, d) of the path integral (docs/theory.md, section 4), (C, …)."""
         return self.distribution.blocking(-w) * self.phase(w, d, normal, side)
 
     def relative_eta(self, side: Tensor) -> Tensor:

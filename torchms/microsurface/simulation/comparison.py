@@ -15,8 +15,8 @@ from torchms.fresnel import Dielectric, Ideal
 from torchms.lobes import Tally, measure
 from torchms.microsurface.rays.tracer import Tracer
 from torchms.microsurface.simulation.materials import FacetMaterial, Lambertian, Mirror, Refractive
-from torchms.microsurface.simulation.run import simulate
-from torchms.microsurface.surfaces.heightfield import GaussianSurfaces
+from torchms.microsurface.simulation.simulate import simulate
+from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 from torchms.paths.segments import Correlated, Invariance, Uncorrelated
 
 SIMULATION = "simulation"
