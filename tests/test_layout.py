@@ -38,7 +38,7 @@ LAYERS = (
     ("bsdfs",),
     # What is done with a surface.
     ("parameters.constrain", "citations"),
-    ("lobes", "testing", "render"),
+    ("lobes", "testing", "render", "shading"),
     ("microsurface", "onnx"),
     # The command line.
     ("cli", "__main__"),

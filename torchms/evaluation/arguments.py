@@ -56,6 +56,25 @@ def check_values(directions: Mapping[str, Tensor], u: Tensor | Stream | None) ->
                 (_refuse_direction if name in directions else _refuse_number)(name, x.detach())
 
 
+def check_finite(vectors: Mapping[str, Tensor]) -> None:
+    """Raise ValueError, in checked mode, for a vector (*batch, 3) of any length with a NaN or an infinity in it."""
+    if not _checked or torch.compiler.is_compiling():
+        return
+    known = {name: x for name, x in vectors.items() if x.numel() and not _has_no_values(x)}
+    with torch.no_grad():
+        # A sum that is finite has no term that is not, and one pass makes it.
+        doubtful = [~_seen_once(x, 1).sum().isfinite() for x in known.values()]
+        if not doubtful or not bool(torch.stack([x.to(doubtful[0].device) for x in doubtful]).any()):
+            return
+        for name, x in known.items():
+            bad = ~x.isfinite()
+            if bool(bad.any()):
+                raise ValueError(
+                    f"{name} must hold finite vectors; got {first_bad(bad, x)}. A zero vector stands for a pixel where "
+                    "nothing is; torchms.set_validation(False) skips this check."
+                )
+
+
 def check_random(u: Tensor | Stream | None, D: int, optional: bool, caller: str) -> None:
     """Raise TypeError or ValueError if `u`, which may be left out if `optional`, gives no D numbers a path."""
     if u is None and not optional:
