@@ -10,7 +10,7 @@ from torchms.version import __version__
 
 if TYPE_CHECKING:
     from torchms import approximations, fresnel, lobes, microsurface, onnx, render, shading, testing
-    from torchms.approximations import KullaConty, Turquin
+    from torchms.approximations import Distilled, KullaConty, Turquin
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
     from torchms.bsdfs.compile import compile
     from torchms.citations import cite
@@ -32,6 +32,7 @@ _HOME = {
     "GTR": "distributions",
     "MicrofacetDistribution": "distributions",
     "Bidirectional": "estimators",
+    "Distilled": "approximations",
     "HeightWalk": "estimators",
     "KullaConty": "approximations",
     "Scattering": "estimators",
@@ -59,6 +60,7 @@ __all__ = [
     "Beckmann",
     "Bidirectional",
     "Correlated",
+    "Distilled",
     "HeightWalk",
     "Invariance",
     "KullaConty",

@@ -7,7 +7,7 @@ from torchms.estimators.unidirectional import Unidirectional
 from torchms.fresnel.base import Fresnel
 from torchms.paths.mirror import Mirror
 from torchms.paths.segments import Invariance
-from torchms.sampling.proposals import ReflectionProposal
+from torchms.sampling.proposals import Proposal, ReflectionProposal
 
 
 class RoughConductor(BSDF):
@@ -33,8 +33,8 @@ class RoughConductor(BSDF):
         return Mirror(self.distribution, self.fresnel)
 
     @property
-    def proposal(self) -> ReflectionProposal:
-        return ReflectionProposal(self.distribution)
+    def proposal(self) -> Proposal:
+        return self.scattering.proposal(self.vertex) or ReflectionProposal(self.distribution)
 
     @property
     def n_channels(self) -> int:

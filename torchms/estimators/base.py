@@ -11,6 +11,7 @@ from torchms.maths.frame import Vec3, scaled
 from torchms.paths.held import Knots, differentiated
 from torchms.paths.segments import Leg, Segment
 from torchms.paths.vertex import Bounce, Vertex
+from torchms.sampling.proposals import Proposal
 
 
 class Exit(NamedTuple):
@@ -56,6 +57,10 @@ class Scattering(nn.Module, ABC):
     @abstractmethod
     def walk(self, vertex: Vertex, wi: Vec3, u: Sequence[Tensor]) -> Iterator[Exit]:
         """The walk from `wi`, bounce after bounce."""
+
+    def proposal(self, vertex: Vertex) -> Proposal | None:
+        """What `BSDF.sample` draws from, where that fits better than what the material would take; None for the latter."""
+        return None
 
 
 def check_max_order(max_order: int, owner: str) -> int:
