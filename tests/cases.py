@@ -34,6 +34,7 @@ from torchms import (
     Unidirectional,
 )
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
+from torchms.maths import frame
 
 
 def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
@@ -174,10 +175,8 @@ def alphas_for(material: str, scattering: str) -> tuple[float, ...]:
 
 
 def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:
-    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
-    return torch.tensor(
-        [math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta)], dtype=dtype
-    )
+    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad], which is not 0: that hides errors."""
+    return frame.direction(theta, phi, dtype)
 
 
 def directions(

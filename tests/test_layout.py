@@ -153,7 +153,7 @@ def test_nothing_is_unpickled():
 
 # Public classes and the tables.
 
-ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scattering", "Segment", "Fresnel"}
+ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scattering", "Segment", "Fresnel", "Interface"}
 ABSTRACT |= {"PathTracer", "Compensated"}
 
 ELSEWHERE = {

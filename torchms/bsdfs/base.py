@@ -90,6 +90,11 @@ class BSDF(Parametric, ABC):
     def n_channels(self) -> int:
         """C, the channels of a value."""
 
+    @property
+    def is_lossless(self) -> bool:
+        """Whether facets absorb nothing, so that light is lost only with orders that are not counted."""
+        return False
+
     def _unit_of(self, wi: Vec3, wo: Vec3) -> Tensor | None:
         """What a value is multiplied by for the quantity that is transported; None for no factor."""
         return None

@@ -29,6 +29,10 @@ class RoughConductor(BSDF):
         self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
 
     @property
+    def is_lossless(self) -> bool:
+        return self.fresnel.is_lossless
+
+    @property
     def vertex(self) -> Mirror:
         return Mirror(self.distribution, self.fresnel)
 

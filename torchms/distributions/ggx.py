@@ -46,15 +46,15 @@ class GGX(EllipticDistribution):
         """1 + s_z, the height of the cap z > −s_z, without cancellation below the horizon."""
         return torch.where(s.z < 0, (s.x * s.x + s.y * s.y) / (1 + s.z.abs()), 1 + s.z)
 
-    def _normal_on_cap(self, s: Vec3, cap: Tensor, rest: Tensor, u0: Tensor, u1: Tensor) -> Vec3:
-        """The normal that reflects `s` into a direction uniform on the cap of height `cap` ≤ 1 + s_z = cap + rest."""
+    def _normal_on_cap(self, s: Vec3, cap: Tensor, above: Tensor, u0: Tensor, u1: Tensor) -> Vec3:
+        """The normal that reflects `s` into a direction uniform on the cap of height `cap` ≤ 1 + s_z = cap + above."""
         # [Dupuy2023]: in the stretched frame the reflections of w by visible normals are uniform on the cap z > −s_z,
         # also for s_z < 0.
         below_top = u1 * cap
         sin_theta = safe_sqrt(below_top * (2 - below_top))
         phi = (2 * math.pi) * u0
         # m ∝ stretched(reflection + w); the z component is 1 − below_top + s_z.
-        height = (1 - u1) * cap + rest
+        height = (1 - u1) * cap + above
         return normalized(
             self.stretched(Vec3(sin_theta * torch.cos(phi) + s.x, sin_theta * torch.sin(phi) + s.y, height))
         )

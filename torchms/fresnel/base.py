@@ -18,6 +18,9 @@ class Fresnel(Parametric, ABC):
     A subclass gives `reflectance` and `n_channels`. Everything is unpolarised and dimensionless.
     """
 
+    is_lossless: bool = False
+    """Whether a facet reflects all light, so that nothing is lost on it."""
+
     @property
     @abstractmethod
     def n_channels(self) -> int:

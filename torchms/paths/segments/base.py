@@ -40,6 +40,10 @@ class Segment(nn.Module, ABC):
     """Whether S(d_0 … d_k) = S(−d_k … −d_0)."""
     transmits: bool
     """Whether the model holds for rays that change side."""
+    is_exact: bool = False
+    """Whether the term, or its expectation, is that of the Smith model."""
+    is_exact_once: bool = False
+    """Whether it is for a single bounce."""
     n_uniforms: int = 0
     """Random numbers a leg draws."""
 
