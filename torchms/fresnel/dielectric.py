@@ -5,7 +5,6 @@ from torch import Tensor
 
 from torchms.fresnel.base import Fresnel, from_front
 from torchms.maths.numerics import safe_div, safe_sqrt, smallest
-from torchms.parameters.declared import Value
 
 
 def fresnel_dielectric(cos_i: Tensor, eta: Tensor) -> tuple[Tensor, Tensor]:
@@ -43,7 +42,7 @@ class Dielectric(Fresnel):
 
     eta: Tensor
 
-    def __init__(self, eta: Value) -> None:
+    def __init__(self, eta: float | Tensor) -> None:
         super().__init__()
         self.declare(
             "eta",
