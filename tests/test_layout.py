@@ -25,7 +25,7 @@ LAYERS = (
     # What everything stands on.
     ("version", "typing", "storage", "cli.progress"),
     ("maths",),
-    ("parameters.declared", "parameters.exchange"),
+    ("parameters.declared", "parameters.exchange", "parameters.maps"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
     ("sampling.warps", "sampling.uniforms", "sampling.stream"),

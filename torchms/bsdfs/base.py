@@ -10,11 +10,12 @@ from torch import Tensor
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.evaluation import blocks
-from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values
+from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values, given_batches
 from torchms.maths.frame import Vec3, check_direction
 from torchms.maths.numerics import own_precision, widened
 from torchms.parameters.declared import Parametric
 from torchms.parameters.exchange import declarations
+from torchms.parameters.maps import fitted
 from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
@@ -212,12 +213,13 @@ class BSDF(Parametric, ABC):
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
         if optional:
             u = None
-        check_values(directions, u)
+        check_values(self, directions, u)
+        surface = fitted(self, *given_batches(directions, u))
         if isinstance(u, Tensor):
             u = widened(u)
         given = [widened(w) for w in directions.values()]
         with own_precision(given[0]):
-            return blocks.run(kernel, self, given, u, per_path=per_path, block=block)
+            return blocks.run(kernel, surface, given, u, per_path=per_path, block=block)
 
 
 # The kernels: functions of components. Values are (C, N, …) with N = 1 where nothing was drawn.

@@ -8,6 +8,7 @@ from torch import Tensor
 from torchms.distributions.base import EllipticDistribution
 from torchms.maths.frame import Vec3, dot, join, normalized, pair, split
 from torchms.maths.numerics import safe_sqrt, smallest
+from torchms.parameters.maps import fitted
 from torchms.typing import Direction, Pair, Scalar
 
 
@@ -110,8 +111,8 @@ class GGX(EllipticDistribution):
         Not for refraction: normals that refract but cannot reflect upward are left out. Reflections below the horizon remain,
         but fewer than with `sample_visible`; none if α_x = α_y ≥ 1. For w below the horizon it is `sample_visible`.
         """
-        return join(self.bounded_normal(split(w), *pair(u)))
+        return join(fitted(self, w.shape[:-1], u.shape[:-1]).bounded_normal(split(w), *pair(u)))
 
     def D_bounded(self, w: Direction, m: Direction) -> Scalar:
         """Density of `sample_bounded` at `m` [1/sr]: D(m) ⟨w, m⟩ over its integral on the cap [Tokuyoshi2023]."""
-        return self.bounded_density(split(w), split(m))
+        return fitted(self, w.shape[:-1], m.shape[:-1]).bounded_density(split(w), split(m))

@@ -6,7 +6,6 @@ from torch import Tensor
 from torchms.fresnel.base import from_front
 from torchms.fresnel.interface import Interface
 from torchms.maths.numerics import safe_div, safe_sqrt, smallest
-from torchms.parameters.declared import Value
 
 
 def fresnel_dielectric(cos_i: Tensor, eta: Tensor) -> tuple[Tensor, Tensor]:
@@ -52,7 +51,9 @@ class Dielectric(Interface):
     [Walter2007] Eq. 22.
     """
 
-    def __init__(self, eta: Value) -> None:
+    eta: Tensor
+
+    def __init__(self, eta: float | Tensor) -> None:
         super().__init__()
         self.declare(
             "eta",
