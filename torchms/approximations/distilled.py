@@ -102,7 +102,12 @@ class Distilled(Scattering):
         proposal = MetalProposal(_elliptic(vertex))
         again = proposal.rest_share(wi)
         (first,) = self.single.walk(vertex, wi, u)
-        yield Exit(first.d, first.weight * (first.escapes / (1 - again)), (1 - again).expand_as(first.escapes), first.transmitted)
+        yield Exit(
+            first.d,
+            first.weight * (first.escapes / (1 - again)),
+            (1 - again).expand_as(first.escapes),
+            first.transmitted,
+        )
         d = proposal.sample_rest(wi, u[1 + vertex.n_uniforms :])
         d = Vec3(d.x, d.y, d.z.clamp_min(horizon(d.z.dtype)))
         density = proposal.rest_density(above(wi), d)
