@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from torchms.bsdfs.base import BSDF
 
 
-
 def _values(bsdf: "BSDF", wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
     values = [value.mean(1) for value in bsdf.scattering.evaluate(bsdf.vertex, wi, wo, u)]
     unit = bsdf._unit_of(wi, wo)

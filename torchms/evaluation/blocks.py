@@ -84,7 +84,6 @@ def run(
     results = _Results(kernel, rows, paths)
     parts = _Parts(module, batch, directions, source.flattened(batch, device), rows)
 
-
     def compute(row: int, some: Sequence[int]) -> None:
         here, components, numbers = parts.of(row)
         for path in some:

@@ -119,7 +119,11 @@ class Inputs:
 
     def shared(self) -> list[Tensor]:
         """The tensors that all elements share, one number after the other."""
-        return [x.detach().contiguous() for x, entry in zip(self.tensors, self.inputs, strict=True) if entry.role == "shared"]
+        return [
+            x.detach().contiguous()
+            for x, entry in zip(self.tensors, self.inputs, strict=True)
+            if entry.role == "shared"
+        ]
 
 
 def _counters(flat: Streamed, add: Callable[..., None]) -> tuple[Column, ...]:

@@ -136,12 +136,16 @@ class Differentiated(torch.autograd.Function):
         return None, None, *ctx.program.gradients(inputs, grads, wanted)
 
 
-def _eagerly(program: Compiled, inputs: Inputs, grads: Sequence[Tensor], wanted: tuple[bool, ...]) -> list[Tensor | None]:
+def _eagerly(
+    program: Compiled, inputs: Inputs, grads: Sequence[Tensor], wanted: tuple[bool, ...]
+) -> list[Tensor | None]:
     """The gradients by eager code, themselves with a graph where one is wanted."""
     again = torch.is_grad_enabled()
     with torch.enable_grad():
         if not again:
-            inputs = inputs.with_tensors([x.detach().requires_grad_(w) for x, w in zip(inputs.tensors, wanted, strict=True)])
+            inputs = inputs.with_tensors(
+                [x.detach().requires_grad_(w) for x, w in zip(inputs.tensors, wanted, strict=True)]
+            )
         values = blocks.run(program.kernel, *inputs.eager())
         leaves = [x for x, want in zip(inputs.tensors, wanted, strict=True) if want]
         pairs = [(value, grad) for value, grad in zip(values, grads, strict=True) if value.requires_grad]
@@ -177,7 +181,13 @@ class _Run:
     """One call of machine code over all rows and paths, cut among threads; `alive` is what results point into."""
 
     def __init__(
-        self, code: Code, inputs: Inputs, columns: list[Column], results: list[Result], scale: float, alive: Sequence[Tensor]
+        self,
+        code: Code,
+        inputs: Inputs,
+        columns: list[Column],
+        results: list[Result],
+        scale: float,
+        alive: Sequence[Tensor],
     ) -> None:
         self.n, self.N = inputs.n_rows, inputs.n_paths
         self.results, self.scale, self.alive = results, scale, alive
@@ -230,7 +240,8 @@ class _Run:
             self.aside.append(copy)
             found.append((whole, copy))
         return [
-            result if result.how != MEAN else result._replace(address=_moved(result.address, found)) for result in self.results
+            result if result.how != MEAN else result._replace(address=_moved(result.address, found))
+            for result in self.results
         ]
 
     def _added(self, groups: int) -> None:
@@ -238,7 +249,10 @@ class _Run:
         if groups > 1:
             for i, copy in enumerate(self.aside):
                 whole = self.alive[i % len(self.alive)]
-                if any(r.how == MEAN and 0 <= r.address - whole.data_ptr() < whole.numel() * whole.element_size() for r in self.results):
+                if any(
+                    r.how == MEAN and 0 <= r.address - whole.data_ptr() < whole.numel() * whole.element_size()
+                    for r in self.results
+                ):
                     whole += copy
 
 

@@ -44,7 +44,7 @@ class Code:
         self.n_results = len(program.results)
         self._prelude, self._run = library.prelude, library.run
         self._prelude.argtypes, self._prelude.restype = [pointer, pointer], None
-        self._run.argtypes = [pointer, pointer, pointer, ctypes.c_double, *[integer] * 5, pointer]
+        self._run.argtypes = [pointer, pointer, pointer, pointer, ctypes.c_double, *[integer] * 5, pointer]
         self._run.restype = None
 
     def prepared(self, columns: list[Column], shared: list[int]) -> "Call":
@@ -52,14 +52,14 @@ class Code:
         where = array("q", shared or [0])
         cells = array("d", bytes(8 * max(self.n_cells, 1)))
         self._prelude(where.buffer_info()[0], cells.buffer_info()[0])
-        return Call(self, array("q", [word for column in columns for word in column]), cells)
+        return Call(self, array("q", [word for column in columns for word in column]), cells, where)
 
 
 class Call:
     """Code with its inputs, ready to run over any part of the rows and paths."""
 
-    def __init__(self, code: Code, columns: array, cells: array) -> None:
-        self.code, self.columns, self.cells = code, columns, cells
+    def __init__(self, code: Code, columns: array, cells: array, shared: array) -> None:
+        self.code, self.columns, self.cells, self.shared = code, columns, cells, shared
 
     def run(
         self, results: list[Result], scale: float, rows: tuple[int, int], paths: tuple[int, int], by_rows: bool
@@ -71,6 +71,7 @@ class Call:
             self.columns.buffer_info()[0],
             where.buffer_info()[0],
             self.cells.buffer_info()[0],
+            self.shared.buffer_info()[0],
             scale,
             *rows,
             *paths,

@@ -20,6 +20,7 @@ struct Call {
     const Column* columns;
     const Result* results;
     const char* cells;
+    const void* const* shared;
     double scale;
 };
 
@@ -136,17 +137,17 @@ static void piece(Stage& s, const Call& c, int64_t row, int64_t path, bool by_ro
             && (out.how == 0 || (out.how == 1 && by_rows && first && last && c.scale == 1));
         s.results[k] = straight ? out.data + row * out.row_step + path * out.path_step : s.out[k];
     }
-    body(s.columns, s.results, c.cells, padded(count));
+    body(s.columns, s.results, c.cells, c.shared, padded(count));
     for (int k = 0; k < N_RESULTS; k++)
         if (RESULT_SIZE[k] == 4) take<float>(c, k, s, row, path, by_rows, count, first, last, sums, totals);
         else take<double>(c, k, s, row, path, by_rows, count, first, last, sums, totals);
 }
 
 // Rows [row, row_end) and paths [path, path_end), many elements along the one or along the other.
-extern "C" void run(const Column* columns, const Result* results, const char* cells, double scale, int64_t row, int64_t row_end,
+extern "C" void run(const Column* columns, const Result* results, const char* cells, const void* const* shared, double scale, int64_t row, int64_t row_end,
                     int64_t path, int64_t path_end, int64_t by_rows, double* totals) {
     static thread_local Stage s;
-    const Call c{columns, results, cells, scale};
+    const Call c{columns, results, cells, shared, scale};
     double sums[N_RESULTS + 1];
     if (by_rows)
         for (int64_t r = row; r < row_end; r += PIECE) {

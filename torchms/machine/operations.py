@@ -6,15 +6,17 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from torchms.machine.program import KINDS, Program
+from torchms.machine.program import KINDS, Number, Program
 
-UNARY = frozenset("neg abs sqrt exp log sin cos tan atan tanh floor".split())
+UNARY = frozenset(["neg", "abs", "sqrt", "exp", "log", "sin", "cos", "tan", "atan", "tanh", "floor"])
 BINARY = {"mul": "mul", "div": "div", "maximum": "max", "minimum": "min"}
 BITS = {"bitwise_and": "and", "logical_and": "and", "__and__": "and", "bitwise_or": "or", "logical_or": "or"}
 BITS |= {"__or__": "or", "bitwise_xor": "xor", "logical_xor": "xor", "__xor__": "xor"}
 SHIFTS = {"__rshift__": "shr", "bitwise_right_shift": "shr", "__lshift__": "shl", "bitwise_left_shift": "shl"}
-COMPARISONS = frozenset("lt le gt ge eq ne".split())
+COMPARISONS = frozenset(["lt", "le", "gt", "ge", "eq", "ne"])
 FOLDS = {"sum": "add", "mean": "add", "amax": "max", "amin": "min", "prod": "mul"}
+UNROLLED = 512
+"""Products of a matrix product from which on it is a loop in machine code."""
 DTYPES = {kind: dtype for dtype, kind in KINDS.items()}
 
 
@@ -24,6 +26,7 @@ class Values:
     def __init__(self) -> None:
         self.program = Program()
         self.known: dict[int, Tensor] = {}
+        self.unread: dict[int, int] = {}
         self.alive: list[Tensor] = []
 
     def note(self, tensor: Tensor, values: Tensor) -> Tensor:
@@ -33,12 +36,26 @@ class Values:
         self.alive.append(tensor)
         return tensor
 
-    def of(self, x: Tensor | float, dtype: torch.dtype | None = None) -> Tensor:
+    def note_shared(self, tensor: Tensor, which: int) -> Tensor:
+        """Remember that `tensor` holds the numbers of the shared tensor `which`; they become values when they are used."""
+        self.unread[id(tensor)] = which
+        self.alive.append(tensor)
+        return tensor
+
+    def knows(self, x: Tensor) -> bool:
+        """Whether `x` stands for values, not for plain numbers."""
+        return id(x) in self.known or id(x) in self.unread
+
+    def of(self, x: Tensor | Number, dtype: torch.dtype | None = None) -> Tensor:
         """The values of a tensor or number, in `dtype` if it is given."""
         if not isinstance(x, Tensor):
             assert dtype is not None
             return torch.tensor(self.program.number(torch.tensor(x, dtype=dtype).item(), KINDS[dtype]))
         found = self.known.get(id(x))
+        if found is None and id(x) in self.unread:
+            which, kind = self.unread.pop(id(x)), KINDS[x.dtype]
+            found = _like([self.program.add("shared", kind, which, i) for i in range(x.numel())], x.shape)
+            self.known[id(x)] = found
         if found is None:
             kind = KINDS[x.dtype]
             found = _like([self.program.number(v, kind) for v in x.reshape(-1).tolist()], x.shape)
@@ -106,7 +123,7 @@ def _folded(values: Values, name: str, out: Tensor, x: Tensor, dim: Any = None, 
 
 
 def _sum(operation: str, reverse: bool = False) -> Any:
-    def function(values: Values, out: Tensor, a: Any, b: Any, alpha: float = 1) -> Tensor:
+    def function(values: Values, out: Tensor, a: Any, b: Any, alpha: Number = 1) -> Tensor:
         if reverse:
             a, b = b, a
         kind, second = KINDS[out.dtype], values.of(b, out.dtype)
@@ -161,21 +178,31 @@ def _isnan(values: Values, out: Tensor, x: Tensor) -> Tensor:
 
 def _product(values: Values, out: Tensor, a: Tensor, b: Tensor) -> Tensor:
     """Of matrices, or of as many of them as the first axis has."""
-    add, kind, found = values.program.add, KINDS[out.dtype], []
+    kind, found = KINDS[out.dtype], []
     left, right = values.of(a, out.dtype).reshape(-1, *a.shape[-2:]), values.of(b, out.dtype).reshape(-1, *b.shape[-2:])
+    large = out.numel() * left.shape[-1] > UNROLLED
     for rows, columns in zip(left.tolist(), right.mT.tolist(), strict=True):
-        for row in rows:
-            for column in columns:
-                total: int | None = None
-                for x, y in zip(row, column, strict=True):
-                    term = add("mul", kind, x, y)
-                    total = term if total is None else add("add", kind, total, term)
-                assert total is not None
-                found.append(total)
+        found += [_inner(values.program, kind, row, column, large) for row in rows for column in columns]
     return _like(found, out.shape)
 
 
-def _affine(values: Values, out: Tensor, bias: Tensor, a: Tensor, b: Tensor, beta: float = 1, alpha: float = 1) -> Tensor:
+def _inner(program: Program, kind: str, a: list[int], b: list[int], large: bool) -> int:
+    """Σ a_i b_i: operation by operation, or as a loop if many of them are wanted and one side is read from memory."""
+    if large:
+        for values, read in ((a, program.run(b)), (b, program.run(a))):
+            if read is not None:
+                return program.add("dot", kind, program.add("array", kind, *values), *read, len(values))
+    total: int | None = None
+    for x, y in zip(a, b, strict=True):
+        term = program.add("mul", kind, x, y)
+        total = term if total is None else program.add("add", kind, total, term)
+    assert total is not None
+    return total
+
+
+def _affine(
+    values: Values, out: Tensor, bias: Tensor, a: Tensor, b: Tensor, beta: Number = 1, alpha: Number = 1
+) -> Tensor:
     if beta != 1 or alpha != 1:
         raise NotImplementedError("addmm with factors")
     return values.each("add", KINDS[out.dtype], out.shape, values.of(bias, out.dtype), _product(values, out, a, b))

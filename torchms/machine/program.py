@@ -27,7 +27,8 @@ class Program:
     """Operations in order, of which some are results.
 
     Value i is what `operations[i]` gives. An element's own inputs are ("column", kind, (index,)), those that all elements
-    share ("shared", kind, (tensor, offset)). `varies[i]`: whether value i may differ between elements.
+    share ("shared", kind, (tensor, offset)). An ("array", kind, values) is for ("dot", kind, (array, tensor, offset, step,
+    count)), the sum of products with numbers that all elements share. `varies[i]`: whether value i may differ between elements.
     """
 
     operations: list[Operation] = field(default_factory=list)
@@ -42,7 +43,7 @@ class Program:
         if found is None:
             found = self.known[operation] = len(self.operations)
             self.operations.append(operation)
-            self.varies.append(name == "column" or any(self.varies[a] for a in self._values(operation)))
+            self.varies.append(name == "column" or any(self.varies[a] for a in self.taken(operation)))
         return found
 
     def number(self, value: Number, kind: str) -> int:
@@ -50,8 +51,23 @@ class Program:
         # By its text: 0.0 and -0.0, and 1 and True, are equal.
         return self.add("number", kind, repr(value))
 
-    def _values(self, operation: Operation) -> tuple[int, ...]:
-        return () if operation.name in LEAVES else operation.arguments  # type: ignore[return-value]
+    @staticmethod
+    def taken(operation: Operation) -> tuple[int, ...]:
+        """The values that an operation takes."""
+        if operation.name in LEAVES:
+            return ()
+        return operation.arguments[:1] if operation.name == "dot" else operation.arguments  # type: ignore[return-value]
+
+    def run(self, values: list[int]) -> tuple[int, int, int] | None:
+        """Which shared tensor, from where and in what steps, if it holds these values one after the other; else None."""
+        found = [self.operations[v] for v in values]
+        if len(values) < 2 or any(o.name != "shared" for o in found):
+            return None
+        (which, first), (_, second) = found[0].arguments, found[1].arguments
+        step = int(second) - int(first)
+        if any(o.arguments != (which, int(first) + i * step) for i, o in enumerate(found)):
+            return None
+        return int(which), int(first), step
 
     def constant(self, value: int) -> Number | None:
         """The plain number that a value is, if it is one."""
@@ -68,7 +84,7 @@ class Program:
             found[value] = True
         for value in range(len(self.operations) - 1, -1, -1):
             if found[value]:
-                for argument in self._values(self.operations[value]):
+                for argument in self.taken(self.operations[value]):
                     found[argument] = True
         return found
 

@@ -21,14 +21,45 @@ class UnknownOperation(NotImplementedError):
 
 
 MOVES = frozenset(
-    "alias as_strided cat clone contiguous detach diagonal expand flip index index_select lift_fresh movedim permute repeat "
-    "roll select slice split split_with_sizes squeeze stack t transpose unbind unfold unsqueeze view _unsafe_view "
-    "_reshape_alias".split()
+    [
+        "alias",
+        "as_strided",
+        "cat",
+        "clone",
+        "contiguous",
+        "detach",
+        "diagonal",
+        "expand",
+        "flip",
+        "index",
+        "index_select",
+        "lift_fresh",
+        "movedim",
+        "permute",
+        "repeat",
+        "roll",
+        "select",
+        "slice",
+        "split",
+        "split_with_sizes",
+        "squeeze",
+        "stack",
+        "t",
+        "transpose",
+        "unbind",
+        "unfold",
+        "unsqueeze",
+        "view",
+        "_unsafe_view",
+        "_reshape_alias",
+    ]
 )
 """What only moves numbers about."""
 PICKS = frozenset(("index", "index_select"))
 """Those whose further tensors are no values, but say which are taken."""
-NEW = frozenset("zeros_like ones_like full_like new_zeros new_ones new_full empty_like new_empty".split())
+NEW = frozenset(
+    ["zeros_like", "ones_like", "full_like", "new_zeros", "new_ones", "new_full", "empty_like", "new_empty"]
+)
 """What takes no number from its tensor."""
 
 
@@ -53,10 +84,8 @@ class Recorder(TorchDispatchMode):
 
     def shared(self, tensor: Tensor) -> Tensor:
         """A copy of `tensor`, whose numbers all elements share."""
-        which, kind = self.n_shared, KINDS[tensor.dtype]
-        self.n_shared += 1
-        values = [self.program.add("shared", kind, which, i) for i in range(tensor.numel())]
-        return self.values.note(tensor.detach().clone(), torch.tensor(values, dtype=torch.int64).reshape(tensor.shape))
+        which, self.n_shared = self.n_shared, self.n_shared + 1
+        return self.values.note_shared(tensor.detach().clone(), which)
 
     def result(self, tensor: Tensor) -> None:
         """Make the elements of `tensor`, in order, results."""
@@ -66,7 +95,7 @@ class Recorder(TorchDispatchMode):
         kwargs = kwargs or {}
         name = func.overloadpacket.__name__
         tensors = (a for a in tree_leaves((args, kwargs)) if isinstance(a, Tensor))
-        if name in NEW or not any(id(a) in self.values.known for a in tensors):
+        if name in NEW or not any(self.values.knows(a) for a in tensors):
             return func(*args, **kwargs)
         in_place = name.endswith("_") and not name.endswith("__")
         plain = name.removesuffix("_") if in_place else name

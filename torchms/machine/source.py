@@ -46,20 +46,21 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
     cells: dict[int, int] = {}
 
     def cell(value: int) -> None:
-        if not varies[value] and operations[value].name != "number":
+        if not varies[value] and operations[value].name not in ("number", "array"):
             cells.setdefault(value, len(cells))
 
     for value, operation in enumerate(operations):
         if needed[value] and varies[value] and operation.name != "column":
-            for argument in operation.arguments:
-                cell(argument)  # type: ignore[arg-type]
+            for argument in program.taken(operation):
+                cell(argument)
     for value in program.results:
         cell(value)
     prelude, before, loop = [], [], []
     for value, operation in enumerate(operations):
         if not needed[value]:
             continue
-        line = f"const {TYPES[operation.kind]} v{value} = {_expression(operation, program, fast)};"
+        size = f"[{len(operation.arguments)}]" if operation.name == "array" else ""
+        line = f"const {TYPES[operation.kind]} v{value}{size} = {_expression(operation, program, fast)};"
         if varies[value]:
             loop.append(line)
         else:
@@ -78,10 +79,11 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
         [
             f"constexpr int64_t N_CELLS = {len(cells)};",
             'extern "C" int64_t n_cells() { return N_CELLS; }',
-            'extern "C" void prelude(const void* const* shared, char* cells) {',
+            # It runs once a call: what it takes to optimise it is never earned.
+            'extern "C" UNOPTIMISED void prelude(const void* const* shared, char* cells) {',
             *prelude,
             "}",
-            "static void body(const void* const* columns, void* const* results, const char* cells, int64_t count) {",
+            "static void body(const void* const* columns, void* const* results, const char* cells, const void* const* shared, int64_t count) {",
             *before,
             "for (int64_t i = 0; i < count; i += LANES) {",
             *loop,
@@ -99,7 +101,7 @@ def _number(text: str, kind: str) -> str:
     value = float(text)
     suffix = "f" if kind == "f" else ""
     if math.isnan(value):
-        return f"all_{kind}(__builtin_nan(\"\"))"
+        return f'all_{kind}(__builtin_nan(""))'
     if math.isinf(value):
         return f"all_{kind}({'-' if value < 0 else ''}__builtin_inf{suffix}())"
     return f"all_{kind}({value.hex()}{suffix})"
@@ -114,6 +116,11 @@ def _expression(operation: Operation, program: Program, fast: bool) -> str:
     if name == "shared":
         return f"all_{kind}(((const {SCALARS[kind]}*)shared[{arguments[0]}])[{arguments[1]}])"
     operands = [f"v{a}" for a in arguments]
+    if name == "array":
+        return f"{{{', '.join(operands)}}}"
+    if name == "dot":
+        array, which, offset, step, count = arguments
+        return f"dot(v{array}, (const {SCALARS[kind]}*)shared[{which}] + {offset}, {step}, {count})"
     kinds = [program.operations[a].kind for a in arguments]  # type: ignore[index]
     if name == "div" and kind in "fd":
         return f"quotient({operands[0]}, {operands[1]})"

@@ -26,6 +26,11 @@ typedef double DU __attribute__((vector_size(8 * LANES), aligned(8), may_alias))
 typedef int32_t IU __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 typedef int64_t WU __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
 typedef char BU __attribute__((vector_size(LANES), aligned(1), may_alias));
+#if defined(__GNUC__) && !defined(__clang__)
+#define UNOPTIMISED __attribute__((optimize("O0")))
+#else
+#define UNOPTIMISED
+#endif
 #define IN static inline __attribute__((always_inline))
 
 // x − 0, not x + 0: the sign of −0 is kept.
@@ -152,4 +157,13 @@ IN D m_sqrt(D x) {
     union { D whole; __m512d part[sizeof(D) / 64]; } u{x};
     for (auto& p : u.part) p = _mm512_sqrt_pd(p);
     return u.whole;
+}
+
+// Σ a_i b_i in four sums side by side, which do not wait for each other.
+template <class V, class T> static __attribute__((noinline)) V dot(const V* a, const T* b, int64_t step, int64_t count) {
+    V sum[4] = {V{}, V{}, V{}, V{}};
+    int64_t i = 0;
+    for (; i + 4 <= count; i += 4) for (int j = 0; j < 4; j++) sum[j] += a[i + j] * b[(i + j) * step];
+    for (; i < count; i++) sum[0] += a[i] * b[i * step];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
