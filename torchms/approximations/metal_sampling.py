@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.maths.frame import Vec3, mirrored, half_vector, reflect, select
+from torchms.maths.frame import Vec3, half_vector, mirrored, reflect, select
 from torchms.parameters.exchange import with_parameters
 from torchms.sampling.proposals import Proposal, folded_up
 from torchms.sampling.warps import cosine_hemisphere

@@ -214,7 +214,9 @@ class _Run:
             for first in range(0, self.n, step)
             for g in range(groups)
         ]
-        partial = [self.results] + [self._aside() for _ in range(groups - 1)]
+        # The sums over further groups of paths stand aside until all of them are there.
+        aside = [[torch.empty_like(x) for x in self.alive] for _ in range(groups - 1)]
+        partial = [self.results, *(self._moved(tensors) for tensors in aside)]
         totals: list[array | None] = [None] * len(jobs)
 
         def run(i: int) -> None:
@@ -226,39 +228,21 @@ class _Run:
                 run(i)
         else:
             threads.share(len(jobs), run, n)
-        self._added(groups)
+        for tensors in aside if any(result.how == MEAN for result in self.results) else ():
+            for whole, part in zip(self.alive, tensors, strict=True):
+                whole += part
         if not self.sums:
             return []
         return torch.tensor([list(part) for part in totals if part is not None], dtype=torch.float64).sum(0).tolist()
 
-    def _aside(self) -> list[Result]:
-        """Places for the sums of one more group of paths."""
-        found = []
-        self.aside: list[Tensor] = getattr(self, "aside", [])
-        for whole in self.alive:
-            copy = torch.empty_like(whole)
-            self.aside.append(copy)
-            found.append((whole, copy))
-        return [
-            result if result.how != MEAN else result._replace(address=_moved(result.address, found))
-            for result in self.results
-        ]
+    def _moved(self, tensors: Sequence[Tensor]) -> list[Result]:
+        """The results in these tensors; those of each path stay where they are."""
 
-    def _added(self, groups: int) -> None:
-        """Add the sums of further groups of paths to those of the first."""
-        if groups > 1:
-            for i, copy in enumerate(self.aside):
-                whole = self.alive[i % len(self.alive)]
-                if any(
-                    r.how == MEAN and 0 <= r.address - whole.data_ptr() < whole.numel() * whole.element_size()
-                    for r in self.results
-                ):
-                    whole += copy
+        def moved(result: Result) -> Result:
+            for whole, other in zip(self.alive, tensors, strict=True):
+                offset = result.address - whole.data_ptr()
+                if result.how == MEAN and 0 <= offset < whole.numel() * whole.element_size():
+                    return result._replace(address=other.data_ptr() + offset)
+            return result
 
-
-def _moved(address: int, pairs: Sequence[tuple[Tensor, Tensor]]) -> int:
-    for whole, copy in pairs:
-        offset = address - whole.data_ptr()
-        if 0 <= offset < whole.numel() * whole.element_size():
-            return copy.data_ptr() + offset
-    raise AssertionError("a result without a place")
+        return [moved(result) for result in self.results]

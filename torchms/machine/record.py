@@ -21,38 +21,34 @@ class UnknownOperation(NotImplementedError):
 
 
 MOVES = frozenset(
-    [
-        "alias",
-        "as_strided",
-        "cat",
-        "clone",
-        "contiguous",
-        "detach",
-        "diagonal",
-        "expand",
-        "flip",
-        "index",
-        "index_select",
-        "lift_fresh",
-        "movedim",
-        "permute",
-        "repeat",
-        "roll",
-        "select",
-        "slice",
-        "split",
-        "split_with_sizes",
-        "squeeze",
-        "stack",
-        "t",
-        "transpose",
-        "unbind",
-        "unfold",
-        "unsqueeze",
-        "view",
-        "_unsafe_view",
-        "_reshape_alias",
-    ]
+    (
+        *(
+            "alias",
+            "as_strided",
+            "cat",
+            "clone",
+            "contiguous",
+            "detach",
+            "diagonal",
+            "expand",
+            "flip",
+            "index",
+            "index_select",
+        ),
+        *(
+            "lift_fresh",
+            "movedim",
+            "permute",
+            "repeat",
+            "roll",
+            "select",
+            "slice",
+            "split",
+            "split_with_sizes",
+            "squeeze",
+        ),
+        *("stack", "t", "transpose", "unbind", "unfold", "unsqueeze", "view", "_unsafe_view", "_reshape_alias"),
+    )
 )
 """What only moves numbers about."""
 PICKS = frozenset(("index", "index_select"))
@@ -107,10 +103,8 @@ class Recorder(TorchDispatchMode):
                 return self.values.note(out, computed(self.values, plain, out, args, kwargs))
             except NotImplementedError as error:
                 raise UnknownOperation(str(error)) from error
-        if name in PICKS:
-            moved = func(self.values.of(args[0]), *args[1:])
-        else:
-            moved = func(*tree_map(self._indices, args), **kwargs)
+        indices = (self.values.of(args[0]), *args[1:]) if name in PICKS else tree_map(self._indices, args)
+        moved = func(*indices, **kwargs)
         for one, values in zip(_several(out), _several(moved), strict=True):
             self.values.note(one, self.values.cast(values, one.dtype))
         return out

@@ -70,9 +70,8 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
             if value in cells:
                 scalar = "int64_t" if operation.kind == "b" else SCALARS[operation.kind]
                 prelude.append(f"*({scalar}*)(cells + {8 * cells[value]}) = v{value}[0];")
-                before.append(
-                    f"const {TYPES[operation.kind]} v{value} = all_{operation.kind}(*(const {scalar}*)(cells + {8 * cells[value]}));"
-                )
+                read = f"*(const {scalar}*)(cells + {8 * cells[value]})"
+                before.append(f"const {TYPES[operation.kind]} v{value} = all_{operation.kind}({read});")
     for k, value in enumerate(program.results):
         loop.append(f"store_{operations[value].kind}(results[{k}], i, v{value});")
     return "\n".join(
@@ -83,7 +82,8 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
             'extern "C" UNOPTIMISED void prelude(const void* const* shared, char* cells) {',
             *prelude,
             "}",
-            "static void body(const void* const* columns, void* const* results, const char* cells, const void* const* shared, int64_t count) {",
+            "static void body(const void* const* columns, void* const* results, const char* cells,",
+            "                 const void* const* shared, int64_t count) {",
             *before,
             "for (int64_t i = 0; i < count; i += LANES) {",
             *loop,
