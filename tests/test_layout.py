@@ -24,7 +24,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 LAYERS = (
     # What everything stands on.
     ("version", "typing", "storage", "cli.progress"),
-    ("maths",),
+    ("maths", "machine"),
     ("parameters.declared", "parameters.exchange", "parameters.maps"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),

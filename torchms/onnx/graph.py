@@ -8,9 +8,10 @@ import torch
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
-from torchms.bsdfs import base
+from torchms.bsdfs import kernels
 from torchms.bsdfs.base import BSDF
 from torchms.evaluation import blocks
+from torchms.evaluation.numbers import source
 from torchms.parameters.declared import Parameter
 from torchms.parameters.exchange import declarations, parameters, weights, with_parameters
 from torchms.sampling.stream import BITS, Stream, sobol
@@ -116,7 +117,8 @@ class Graph(nn.Module):
             wi, wo = given["wi"], given.get("wo")
             if self.what == "sample":
                 # Past the check that `u` has all the numbers of a path: a sample uses only its own.
-                return blocks.run(base._sample, bsdf, (wi,), self.numbers(given), per_path=True)
+                numbers = source(self.numbers(given), self.n_uniforms, bsdf.dtype)
+                return blocks.run(kernels.SAMPLE, bsdf, (wi,), numbers)
             assert wo is not None
             if self.what == "pdf":
                 return (bsdf.pdf(wi, wo),)

@@ -6,7 +6,6 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn.utils import parametrize
 
 from torchms.maths.numerics import has_values, widened
 
@@ -143,43 +142,6 @@ class Parametric(nn.Module):
                     if value is not None:
                         shapes.append(record.batch(value))
         return shapes
-
-
-def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -> tuple[Any, ...]:
-    """All that a kernel may branch on in Python, parts included: classes, attributes, tensors that are not declared.
-
-    Equal for two modules that differ in the values of declared parameters only. What is told by its identity is added to
-    `held`. Attributes named in `without` do not count.
-    """
-    unseen = {*_OF_ANY_MODULE, *without}
-    parametrized = parametrize.is_parametrized(part)
-    declared = getattr(part, "declared", {})
-    tensors = {**part._buffers, **part._parameters}
-    attributes = {**vars(part), **{name: t for name, t in tensors.items() if name not in declared and t is not None}}
-    return (
-        type(part).__mro__[1] if parametrized else type(part),
-        tuple((name, _frozen(v, held)) for name, v in attributes.items() if name not in unseen),
-        tuple(
-            (name, structure(child, held, without))
-            for name, child in part._modules.items()
-            if child is not None and not (parametrized and name == "parametrizations")
-        ),
-    )
-
-
-_OF_ANY_MODULE = frozenset(vars(nn.Module()))
-
-
-def _frozen(value: Any, held: list[Any]) -> Any:
-    """`value` as something that can be compared for equality later."""
-    if value is None or isinstance(value, bool | int | float | str | Parameter):
-        return type(value), value
-    if isinstance(value, list | tuple):
-        return tuple(_frozen(v, held) for v in value)
-    if isinstance(value, dict):
-        return tuple((k, _frozen(v, held)) for k, v in value.items())
-    held.append(value)
-    return id(value)
 
 
 def channels_first(value: Tensor, ndim: int) -> Tensor:
