@@ -59,7 +59,7 @@ class MeasuredBRDF(nn.Module):
         check_direction(wo, "wo")
         batch = torch.broadcast_shapes(wi.shape, wo.shape)
         a, b = (w.expand(batch).reshape(-1, 3).to(self.ndf.dtype) for w in (wi, wo))
-        check_values(self, {"wi": wi, "wo": wo}, None)
+        check_values(None, {"wi": wi, "wo": wo}, None)
         parts = [self._value(split(x), split(y)) for x, y in zip(a.split(ROWS), b.split(ROWS), strict=True)]
         return torch.cat(parts).reshape(*batch[:-1], self.n_channels)
 
