@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from unittest.mock import patch
 
 import torch
-from cases import COMPENSATIONS, HEAVY, METHODS, alphas_for, bsdf, is_dear, surfaces
+from cases import COMPENSATIONS, DISTILLATES, HEAVY, METHODS, alphas_for, bsdf, is_dear, surfaces
 from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
@@ -23,6 +23,7 @@ from torchms.shading import alpha, alphas, sample, shade
 
 DEVICE = "gpu"
 ROWS, PATHS = 4, 2
+APPROXIMATIONS = (*COMPENSATIONS, *DISTILLATES)
 SEQUENCES = ("random", "sobol", "rank1")
 
 
@@ -160,7 +161,7 @@ def main(which: str) -> int:
         failures += check_shading(built["conductor[conductor]", "single", "ggx"] if which == "quick" else shared)
         for names, surface in built.items():
             start = time.process_time()
-            methods = CALLS if which == "slow" or names[1] in ("single", *COMPENSATIONS) else OF_A_SCATTERING
+            methods = CALLS if which == "slow" or names[1] in ("single", *APPROXIMATIONS) else OF_A_SCATTERING
             failures += [f"{'-'.join(names)}, {line}" for line in check(surface, methods)]
             print(f"{'-'.join(names)}: {time.process_time() - start:.2f} s", file=sys.stderr, flush=True)
     print(*failures, sep="\n")

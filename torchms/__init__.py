@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from torchms.version import __version__
 
 if TYPE_CHECKING:
-    from torchms import approximations, fresnel, lobes, microsurface, onnx, render, shading, testing
+    from torchms import approximations, fresnel, lobes, measured, microsurface, onnx, render, shading, testing
     from torchms.approximations import Distilled, KullaConty, Turquin
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
     from torchms.bsdfs.compile import compile
@@ -51,7 +51,7 @@ _HOME = {
     "constrain": "parameters.constrain",
     "set_validation": "evaluation.arguments",
 }
-_MODULES = ("approximations", "fresnel", "lobes", "microsurface", "onnx", "render", "shading", "testing")
+_MODULES = ("approximations", "fresnel", "lobes", "measured", "microsurface", "onnx", "render", "shading", "testing")
 
 __all__ = [
     "BSDF",
@@ -84,6 +84,7 @@ __all__ = [
     "constrain",
     "fresnel",
     "lobes",
+    "measured",
     "microsurface",
     "onnx",
     "render",

@@ -37,6 +37,12 @@ PAPERS: dict[str, Paper] = {
         "Computer Graphics Forum 42(8)",
         2023,
     ),
+    "DupuyJakob2018": Paper(
+        ("Jonathan Dupuy", "Wenzel Jakob"),
+        "An Adaptive Parameterization for Efficient Material Acquisition and Rendering",
+        "ACM Transactions on Graphics 37(6)",
+        2018,
+    ),
     "Heitz2014": Paper(
         ("Eric Heitz",),
         "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",

@@ -42,14 +42,14 @@ def test_values_off_the_cpu_are_read_once(generator, monkeypatch):
     u = torch.rand(40_000, 1, 3, generator=generator)
     monkeypatch.setattr(arguments, "_on_host", lambda x: False)
     with Reads() as reads:
-        arguments.check_values({"wi": wi, "wo": wo}, u)
+        arguments.check_values(None, {"wi": wi, "wo": wo}, u)
     assert reads.count == 1
     for name, x, expected in (("wi", wi, "wi must hold"), ("wo", wo, "wo must hold"), ("u", u, "u must hold numbers")):
         spoilt = x.clone()
         spoilt[33_333] = torch.nan
         with pytest.raises(ValueError, match=rf"{expected}.*got nan at index \(33333"):
             arguments.check_values(
-                {"wi": wi, "wo": wo, name: spoilt} if name != "u" else {"wi": wi}, u if name != "u" else spoilt
+                None, {"wi": wi, "wo": wo, name: spoilt} if name != "u" else {"wi": wi}, u if name != "u" else spoilt
             )
 
 

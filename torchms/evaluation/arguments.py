@@ -39,9 +39,9 @@ def set_validation(enabled: bool) -> bool:
     return before
 
 
-def check_values(module: nn.Module, directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> None:
+def check_values(module: nn.Module | None, directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> None:
     """Raise ValueError, in checked mode, for a direction (*batch, 3) that is not of unit length, a number not in [0, 1] or a
-    parameter of `module` out of its range.
+    parameter of `module`, if there is one, out of its range.
 
     The host reads the result on the CPU block by block, from another device once.
     """
@@ -51,7 +51,8 @@ def check_values(module: nn.Module, directions: Mapping[str, Tensor], u: Tensor 
     known = {name: x for name, x in given.items() if x.numel() and not _has_no_values(x)}
     with torch.no_grad():
         bad = {name: _strays(x) if name in directions else _leaves(x) for name, x in known.items()}
-        held = {name: p for name, p in parameters(module).items() if p.value.numel() and not _has_no_values(p.value)}
+        declared = {} if module is None else parameters(module)
+        held = {name: p for name, p in declared.items() if p.value.numel() and not _has_no_values(p.value)}
         bad |= {name: _out_of_range(record, value.detach()) for name, (record, value) in held.items()}
         waiting = [x for x in bad.values() if isinstance(x, Tensor)]
         if waiting and not bool(torch.stack(waiting).any()):
@@ -60,7 +61,7 @@ def check_values(module: nn.Module, directions: Mapping[str, Tensor], u: Tensor 
             if bad[name]:
                 (_refuse_direction if name in directions else _refuse_number)(name, x.detach())
         for name, (record, value) in held.items():
-            if bad[name]:
+            if bad[name] and module is not None:
                 _refuse_parameter(module, name, record, value.detach())
 
 

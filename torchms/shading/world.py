@@ -100,7 +100,7 @@ def _prepared(
         if normalize:
             components = normalized(components)
         else:
-            check_values({name: columns(components)}, None)
+            check_values(None, {name: columns(components)}, None)
         vectors.append(components)
     return (frame._turned(vectors[0]) if two_sided else frame), _Vectors(vectors, valid)
 
