@@ -8,6 +8,7 @@ from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF
 from torchms.cli import energy
 from torchms.estimators import Bidirectional, HeightWalk, SingleBounce, Unidirectional
+from torchms.onnx.evaluator import runtime
 from torchms.onnx.exporter import checked, exported
 from torchms.onnx.options import ExportOptions
 from torchms.onnx.parity.compare import check
@@ -46,6 +47,8 @@ def run_export(options: ExportOptions) -> None:
         check_writable(options.json, options.force)
     if options.rows < 1:
         raise ValueError(f"--rows must be at least 1; got {options.rows}.")
+    if options.check:
+        runtime()
     bsdf = build(options)
     arguments = {
         "what": options.what,

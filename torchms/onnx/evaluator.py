@@ -222,11 +222,17 @@ class Evaluator:
         return [out[:size] for out in self.session.run(None, feed)]
 
 
-def _session(content: bytes, name: str) -> Any:
+def runtime() -> Any:
+    """ONNX Runtime, or an ImportError that says how to get it."""
     try:
         import onnxruntime
     except ImportError as error:
         raise ImportError("Evaluator needs onnxruntime, of the onnx extra: pip install torchms[onnx].") from error
+    return onnxruntime
+
+
+def _session(content: bytes, name: str) -> Any:
+    onnxruntime = runtime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = 1, 1
     options.log_severity_level = 3

@@ -3,9 +3,10 @@
 import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from itertools import groupby
 
+from torchms.evaluation.workers import Workers
 from torchms.microsurface.simulation import distributed
 from torchms.microsurface.simulation.checkpoint import Checkpoint
 from torchms.microsurface.simulation.partial import Partial
@@ -50,7 +51,7 @@ def run_shards(
     bar: Progress | None = None,
 ) -> Clock:
     """Trace the shards of `todo` and add them to `total`; each is stored the moment it is finished."""
-    workers = checked_threads(threads)
+    n = checked_threads(threads)
     distributed.wait_for_all()
     clock = Clock()
 
@@ -64,26 +65,21 @@ def run_shards(
         if bar is not None:
             bar.advance(shard.rays)
 
-    with ThreadPoolExecutor(workers) as pool:
+    with Workers(n) as workers:
 
         def run(trace: Callable[[Shard], Partial], shards: Sequence[Shard]) -> None:
             clock.surfaces += time.perf_counter() - begin
             start = time.perf_counter()
             waiting: dict[Future, Shard] = {}
             queue = iter(shards)
-            try:
-                while True:
-                    # Few results wait at a time: memory is bounded however many shards there are.
-                    while len(waiting) < 2 * workers and (shard := next(queue, None)) is not None:
-                        waiting[pool.submit(trace, shard)] = shard
-                    if not waiting:
-                        break
-                    for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                        finish(future, waiting.pop(future))
-            except BaseException:
-                for future in waiting:
-                    future.cancel()
-                raise
+            while True:
+                # Few results wait at a time: memory is bounded however many shards there are.
+                while len(waiting) < 2 * n and (shard := next(queue, None)) is not None:
+                    waiting[workers.submit(trace, shard)] = shard
+                if not waiting:
+                    break
+                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                    finish(future, waiting.pop(future))
             clock.tracing += time.perf_counter() - start
 
         for _, shards in groupby(todo, key=lambda shard: shard.surface):

@@ -40,6 +40,7 @@ def simulate(
     """
     require_numba()
     plan = Plan(surface, material, wi, **settings)
+    plan.tracer.require()
     store = None if checkpoint is None else Checkpoint.open(Path(checkpoint), plan)
     total = plan.nothing()
     todo = distributed.share_of(take_finished(plan, store, total))
