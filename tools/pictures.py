@@ -10,7 +10,7 @@ from torch import Tensor
 
 from torchms.cli.render import run_render
 from torchms.render.images import write_picture
-from torchms.render.options import RenderOptions
+from torchms.cli.options import RenderOptions
 
 MIRROR = "RoughConductor(GGX(1.0), Ideal(), {})"
 ALL_BOUNCES = "Bidirectional(Invariance(), max_order=12)"

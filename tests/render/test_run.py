@@ -13,7 +13,7 @@ from torchms.render.camera import Camera
 from torchms.render.film import render
 from torchms.render.images import linear, read_picture, srgb, write_picture
 from torchms.render.lights import ConstantLight, DirectionalLight, Environment
-from torchms.render.options import RenderOptions
+from torchms.cli.options import RenderOptions
 from torchms.render.scenes import load_shape
 
 SMALL = {"width": 12, "height": 9, "samples": 2}

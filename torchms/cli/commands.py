@@ -6,10 +6,7 @@ from importlib import import_module
 
 import tyro
 
-from torchms.cli.simulate import FiguresOptions, SimulateOptions
-from torchms.cli.surface import EnergyOptions
-from torchms.onnx.options import ExportOptions
-from torchms.render.options import RenderOptions
+from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, RenderOptions, SimulateOptions
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
