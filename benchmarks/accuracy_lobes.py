@@ -105,7 +105,14 @@ def lobe_row(kind: str, alpha: tuple[float, ...], theta: float, options: Options
     if kind == "Beckmann":
         recipe = GaussianSurfaces(alpha[0], alpha[-1], count=options.surfaces, size=512)
         truth = simulate(
-            recipe, MirrorFacets(), wi, n_rays=options.rays, max_order=K, seed=options.seed, tracer=GridTracer(), lobes=True
+            recipe,
+            MirrorFacets(),
+            wi,
+            n_rays=options.rays,
+            max_order=K,
+            seed=options.seed,
+            tracer=GridTracer(),
+            lobes=True,
         )
         assert truth.lobes is not None
         theirs = coarser(upper(truth.lobes.mean))

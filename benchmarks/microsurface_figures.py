@@ -8,9 +8,9 @@ from pathlib import Path
 
 import tyro
 
+from torchms.bsdfs.named import MATERIALS
 from torchms.cli.figures import run_figures
 from torchms.cli.options import FiguresOptions
-from torchms.bsdfs.named import MATERIALS
 
 ALPHAS = ((0.25, None), (0.5, None), (1.0, None), (1.0, 0.1))
 

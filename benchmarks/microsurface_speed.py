@@ -7,7 +7,6 @@ surface. Wall clock holds on a quiet machine only; segments per CPU second hold 
 are timed one after the other in one thread, as shares of its CPU time.
 """
 
-import math
 import os
 import platform
 import statistics
@@ -21,6 +20,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from torchms.maths.frame import direction
 from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, MirrorFacets
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Caster, Tracer
@@ -85,7 +85,7 @@ def parts(grid: Grid, caster: Caster, wi: np.ndarray, n: int = 65536) -> dict[st
 
 def measured(surface: Heightfield, grid: Grid, tracer: Tracer, theta: float, options: Options) -> dict[str, Any]:
     """Speeds of one tracer on one surface at one angle."""
-    wi = np.array([math.sin(theta), 0.0, math.cos(theta)])
+    wi = direction(theta).numpy()
     plan = Plan(surface, MirrorFacets(), wi, n_rays=options.rays, seed=1, tracer=tracer)
     wall = [
         run_shards(plan, plan.shards, plan.nothing(), threads=options.threads).report() for _ in range(options.repeats)

@@ -37,7 +37,7 @@ def sphere_pixels(size: int) -> tuple[Tensor, Tensor, Tensor]:
     hits = Sphere().intersect(origin, direction)
     hit = hits.found.nonzero()[:, 0]
     vertex = vertex_at(Hits(*(part[hit] for part in hits)), direction[hit], True, torch.float32)
-    light = torch.tensor([math.sin(APART), 0.0, math.cos(APART)], dtype=torch.float64).expand(len(hit), 3)
+    light = direction(APART).expand(len(hit), 3)
     wo = vertex.to_local(light)
     both = (wo[:, 2] > 0.1) & (vertex.wi[:, 2] > 0.1)
     return hit[both], vertex.wi[both], wo[both]

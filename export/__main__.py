@@ -56,8 +56,8 @@ def entries(options: Options):
     """Write and compare file after file."""
     from torchms.bsdfs.named import SCATTERINGS
     from torchms.cli.export import build
-    from torchms.onnx.exporter import checked, exported
     from torchms.cli.options import ExportOptions
+    from torchms.onnx.exporter import checked, exported
     from torchms.onnx.parity.compare import check
     from torchms.onnx.parity.table import Entry
     from torchms.storage.write import write_whole

@@ -8,7 +8,7 @@ A program of its own, as it gives the process a device for good. Prints one line
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from unittest.mock import patch
 
 import torch
@@ -19,6 +19,7 @@ from torch.utils.backend_registration import _setup_privateuseone_for_python_bac
 
 from torchms import BSDF, Stream
 from torchms.parameters.exchange import parameters, weights, with_parameters
+from torchms.shading import alpha, alphas, sample, shade
 
 DEVICE = "gpu"
 ROWS, PATHS = 4, 2
@@ -42,14 +43,16 @@ def models(quick: bool) -> Iterator[tuple[str, ...]]:
         seen |= set() if dear else parts
 
 
-CALLS = (
-    ("forward", "stream"),
-    ("sample", "stream"),
-    ("pdf", "tensor"),
-    ("sample_walk", "tensor"),
-    ("albedo", "stream"),
-)
-"""Every kernel, and both forms of the random numbers; `orders` has the kernel of `forward`."""
+CALLS = {
+    "forward": "stream",
+    "sample_walk": "tensor",
+    "albedo": "stream",
+    "sample": "stream",
+    "pdf": "tensor",
+}
+"""Every kernel with a form of the random numbers; `orders` has the kernel of `forward`."""
+OF_A_SCATTERING = ("forward", "sample_walk")
+"""The kernels that differ between scatterings; the quick run takes the others with one of them."""
 
 
 def leaves(surface: BSDF) -> dict[str, Tensor]:
@@ -60,7 +63,7 @@ def leaves(surface: BSDF) -> dict[str, Tensor]:
     }
 
 
-def check(surface: BSDF) -> Iterator[str]:
+def check(surface: BSDF, methods: Iterable[str]) -> Iterator[str]:
     """What does not stay on the device."""
     given = leaves(surface)
     there = with_parameters(
@@ -69,7 +72,8 @@ def check(surface: BSDF) -> Iterator[str]:
     assert there.device.type == DEVICE
     wi, wo = (torch.rand(ROWS, 3, device=DEVICE, requires_grad=True) for _ in range(2))
     numbers = {"tensor": there.uniforms((ROWS,), PATHS), "stream": Stream(3, PATHS)}
-    for method, form in CALLS:
+    for method in methods:
+        form = CALLS[method]
         try:
             outputs = METHODS[method](there, wi, wo, numbers[form])
             total = sum(x.sum() for x in outputs if x.requires_grad)
@@ -115,6 +119,25 @@ def check_numbers(surface: BSDF, _: object) -> list[str]:
     return found
 
 
+def check_shading(surface: BSDF) -> list[str]:
+    """World space: frames, roughness by name, values and samples."""
+    r, a = (torch.rand(ROWS, device=DEVICE, requires_grad=True) for _ in range(2))
+    x, y = alphas(r, a, "gltf", least=1e-3)
+    given = {**leaves(surface), "distribution.alpha": x, "distribution.alpha_y": y}
+    there = with_parameters(surface, given)
+    normal, view, light, tangent = (torch.rand(ROWS, 3, device=DEVICE, requires_grad=True) for _ in range(4))
+    words = {"tangent": tangent, "two_sided": True, "normalize": True}
+    drawn = sample(there, normal, view, Stream(1, PATHS), **words)
+    values = [
+        shade(there, normal, view, light, Stream(1), cosine=False, **words),
+        shade(there, normal, view, drawn.light, Stream(1), tangent=tangent),
+        drawn.pdf,
+        alpha(r, "pbrt-v3"),
+    ]
+    gradients = torch.autograd.grad(sum(v.sum() for v in values), [r, a, normal, view, light, tangent])
+    return [f"shading: a result on {v.device}" for v in (*values, *gradients) if v.device.type != DEVICE]
+
+
 def main(which: str) -> int:
     failures = []
     shared = bsdf("conductor[conductor]", "invariance", max_order=2, dtype=torch.float32)
@@ -134,9 +157,11 @@ def main(which: str) -> int:
         else:
             failures.append("fake tensors of two devices can be added: nothing here means anything")
         failures += check_numbers(shared)
+        failures += check_shading(built["conductor[conductor]", "single", "ggx"] if which == "quick" else shared)
         for names, surface in built.items():
             start = time.process_time()
-            failures += [f"{'-'.join(names)}, {line}" for line in check(surface)]
+            methods = CALLS if which == "slow" or names[1] in ("single", *COMPENSATIONS) else OF_A_SCATTERING
+            failures += [f"{'-'.join(names)}, {line}" for line in check(surface, methods)]
             print(f"{'-'.join(names)}: {time.process_time() - start:.2f} s", file=sys.stderr, flush=True)
     print(*failures, sep="\n")
     return int(bool(failures))

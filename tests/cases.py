@@ -18,6 +18,7 @@ from torchms import (
     Beckmann,
     Bidirectional,
     Correlated,
+    Distilled,
     HeightWalk,
     Invariance,
     KullaConty,
@@ -34,6 +35,7 @@ from torchms import (
     Unidirectional,
 )
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
+from torchms.maths import frame
 
 
 def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
@@ -68,6 +70,9 @@ COMPENSATIONS: dict[str, Callable[[int], Scattering]] = {
     "turquin": lambda max_order: Turquin(),
 }
 """Closed forms over tables, which only `ELLIPTIC` distributions have."""
+
+DISTILLATES: dict[str, Callable[[int], Scattering]] = {"distilled": lambda max_order: Distilled()}
+"""Learned sums over all bounces, of metal whose roughnesses lie within what they were learned for."""
 
 FRESNELS: dict[str, Callable[[], Fresnel]] = {
     "ideal": Ideal,
@@ -110,7 +115,7 @@ def bsdf(
 ) -> BSDF:
     """The BSDF of these names, with buffers of `dtype`."""
     facets = DISTRIBUTIONS[distribution](*alpha)
-    return MATERIALS[material](facets, {**SCATTERINGS, **COMPENSATIONS}[scattering](max_order)).to(dtype)
+    return MATERIALS[material](facets, {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}[scattering](max_order)).to(dtype)
 
 
 @functools.cache
@@ -174,10 +179,8 @@ def alphas_for(material: str, scattering: str) -> tuple[float, ...]:
 
 
 def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:
-    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
-    return torch.tensor(
-        [math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta)], dtype=dtype
-    )
+    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad], which is not 0: that hides errors."""
+    return frame.direction(theta, phi, dtype)
 
 
 def directions(

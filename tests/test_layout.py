@@ -25,7 +25,7 @@ LAYERS = (
     # What everything stands on.
     ("version", "typing", "storage", "cli.progress"),
     ("maths",),
-    ("parameters.declared", "parameters.exchange"),
+    ("parameters.declared", "parameters.exchange", "parameters.maps"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
     ("sampling.warps", "sampling.uniforms", "sampling.stream"),
@@ -38,7 +38,7 @@ LAYERS = (
     ("bsdfs",),
     # What is done with a surface.
     ("parameters.constrain", "citations"),
-    ("lobes", "testing", "render"),
+    ("lobes", "testing", "render", "shading", "approximations.distil"),
     ("microsurface", "onnx"),
     # The command line.
     ("cli", "__main__"),
@@ -153,7 +153,7 @@ def test_nothing_is_unpickled():
 
 # Public classes and the tables.
 
-ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scattering", "Segment", "Fresnel"}
+ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scattering", "Segment", "Fresnel", "Interface"}
 ABSTRACT |= {"PathTracer", "Compensated"}
 
 ELSEWHERE = {
@@ -187,7 +187,9 @@ def tabled() -> set[type]:
     objects: list[nn.Module] = [make(0.5) for make in cases.DISTRIBUTIONS.values()]
     objects += [segment() for segment in cases.SEGMENTS.values()]
     objects += [fresnel_term() for fresnel_term in cases.FRESNELS.values()]
-    objects += [make(2) for make in [*cases.SCATTERINGS.values(), *cases.COMPENSATIONS.values()]]
+    objects += [
+        make(2) for make in [*cases.SCATTERINGS.values(), *cases.COMPENSATIONS.values(), *cases.DISTILLATES.values()]
+    ]
     objects += [cases.bsdf(material, "single") for material in cases.MATERIALS]
     return {type(part) for thing in objects for part in thing.modules()}
 

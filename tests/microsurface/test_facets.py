@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from torchms.microsurface import GridTracer, Heightfield, DiffuseFacets, MirrorFacets, DielectricFacets, simulate
+from torchms.microsurface import DielectricFacets, DiffuseFacets, GridTracer, Heightfield, MirrorFacets, simulate
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.simulation.launch import launch
 from torchms.microsurface.simulation.philox import philox_words
@@ -108,7 +108,9 @@ def test_flat_diffuse_is_lamberts_law() -> None:
     assert z.abs().max() < 5
 
 
-@pytest.mark.parametrize("material", [MirrorFacets(), DielectricFacets(1.5), DiffuseFacets()], ids=["mirror", "glass", "diffuse"])
+@pytest.mark.parametrize(
+    "material", [MirrorFacets(), DielectricFacets(1.5), DiffuseFacets()], ids=["mirror", "glass", "diffuse"]
+)
 def test_directions_stay_unit_and_leave_the_facet(material) -> None:
     grid = Grid.of(Heightfield.gaussian(1.0, 0.3, size=128, seed=2))
     caster, n = GridTracer().bind(grid), 20_000

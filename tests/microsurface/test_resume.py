@@ -15,7 +15,7 @@ import pytest
 import soak
 import torch
 
-from torchms.microsurface import GaussianSurfaces, GridTracer, DiffuseFacets, MirrorFacets, DielectricFacets, simulate
+from torchms.microsurface import DielectricFacets, DiffuseFacets, GaussianSurfaces, GridTracer, MirrorFacets, simulate
 from torchms.microsurface.simulation.checkpoint import differences
 
 KEYS = ("reflected", "transmitted", "reflected_stderr", "transmitted_stderr", "lost", "slopes", "n", "segments")

@@ -8,13 +8,13 @@ import torch
 
 from torchms.fresnel import Conductor, Ideal
 from torchms.microsurface import (
+    DielectricFacets,
+    DiffuseFacets,
     EmbreeTracer,
     GaussianSurfaces,
     GridTracer,
     Heightfield,
-    DiffuseFacets,
     MirrorFacets,
-    DielectricFacets,
     simulate,
 )
 
@@ -26,7 +26,9 @@ def direction(theta: float, phi: float = 0.0) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("tracer", [EmbreeTracer(), GRID], ids=["embree", "grid"])
-@pytest.mark.parametrize("material", [MirrorFacets(), DielectricFacets(1.5), DiffuseFacets()], ids=["mirror", "glass", "diffuse"])
+@pytest.mark.parametrize(
+    "material", [MirrorFacets(), DielectricFacets(1.5), DiffuseFacets()], ids=["mirror", "glass", "diffuse"]
+)
 def test_no_energy_is_lost(tracer, material) -> None:
     for theta in (0.0, 0.5, 1.0, 1.5):
         surfaces = GaussianSurfaces(1.0, 0.4, count=2, size=128)
@@ -121,7 +123,9 @@ def test_halving_the_texels_changes_less_than_the_budget(theta: float) -> None:
         stretched = (coarse.spacing[0] * ax, coarse.spacing[1] * ay)
         coarse = Heightfield.from_heights(half, stretched, periodic=True)
         energy = [
-            simulate(s, MirrorFacets(), direction(theta), n_rays=40_000, seed=1, tracer=GRID, lobes=False).reflected[:3, 0]
+            simulate(s, MirrorFacets(), direction(theta), n_rays=40_000, seed=1, tracer=GRID, lobes=False).reflected[
+                :3, 0
+            ]
             for s in (fine, coarse)
         ]
         change.append(energy[1] - energy[0])
@@ -164,7 +168,12 @@ def test_result_does_not_depend_on_threads_or_batches(monkeypatch: pytest.Monkey
 def test_seeds_matter_and_repeat() -> None:
     def run(seed: int) -> torch.Tensor:
         return simulate(
-            GaussianSurfaces(0.8, count=2, size=128), MirrorFacets(), direction(0.9), n_rays=4000, seed=seed, tracer=GRID
+            GaussianSurfaces(0.8, count=2, size=128),
+            MirrorFacets(),
+            direction(0.9),
+            n_rays=4000,
+            seed=seed,
+            tracer=GRID,
         ).reflected
 
     assert torch.equal(run(1), run(1)) and not torch.equal(run(1), run(2))

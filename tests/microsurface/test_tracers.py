@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from torchms.microsurface import (
+    DielectricFacets,
+    DiffuseFacets,
     EmbreeTracer,
     FacetMaterial,
     GridTracer,
     Heightfield,
-    DiffuseFacets,
     MirrorFacets,
-    DielectricFacets,
 )
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Tracer

@@ -10,9 +10,9 @@ import pytest
 
 from torchms import GGX, GTR, Correlated, RoughConductor, Unidirectional
 from torchms.cli.export import build, run_export
+from torchms.cli.options import ExportOptions
 from torchms.fresnel import Ideal
 from torchms.onnx import Evaluator, export
-from torchms.cli.options import ExportOptions
 
 ROOT = Path(__file__).parents[2]
 

@@ -23,7 +23,7 @@ import torch
 from hostile import FLIPS, TRUNCATIONS, damaged
 
 from torchms.approximations import AlbedoTable
-from torchms.microsurface import GaussianSurfaces, DiffuseFacets, simulate
+from torchms.microsurface import DiffuseFacets, GaussianSurfaces, simulate
 from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.storage import write as files
 from torchms.storage.archives import read_arrays

@@ -13,7 +13,7 @@ import torch
 import trimesh
 from PIL import Image
 
-from torchms.microsurface import GaussianSurfaces, Heightfield, DiffuseFacets, simulate
+from torchms.microsurface import DiffuseFacets, GaussianSurfaces, Heightfield, simulate
 from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.render.images import exr_bytes, read_picture
 from torchms.render.scenes import load_shape

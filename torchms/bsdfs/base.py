@@ -1,6 +1,6 @@
 """The public surface of every BSDF."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -10,11 +10,12 @@ from torch import Tensor
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.evaluation import blocks
-from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values
+from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values, given_batches
 from torchms.maths.frame import Vec3, check_direction
 from torchms.maths.numerics import own_precision, widened
 from torchms.parameters.declared import Parametric
 from torchms.parameters.exchange import declarations
+from torchms.parameters.maps import fitted
 from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
@@ -48,7 +49,7 @@ class Albedo(NamedTuple):
     transmitted: Tensor
 
 
-class BSDF(Parametric):
+class BSDF(Parametric, ABC):
     """A surface: a distribution of microfacets, what one facet does, and how the bounces are summed.
 
     Directions are unit vectors in the local frame (+z is the macro-normal) that point away from the surface; a value is
@@ -89,6 +90,11 @@ class BSDF(Parametric):
     @abstractmethod
     def n_channels(self) -> int:
         """C, the channels of a value."""
+
+    @property
+    def is_lossless(self) -> bool:
+        """Whether facets absorb nothing, so that light is lost only with orders that are not counted."""
+        return False
 
     def _unit_of(self, wi: Vec3, wo: Vec3) -> Tensor | None:
         """What a value is multiplied by for the quantity that is transported; None for no factor."""
@@ -207,12 +213,13 @@ class BSDF(Parametric):
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
         if optional:
             u = None
-        check_values(directions, u)
+        check_values(self, directions, u)
+        surface = fitted(self, *given_batches(directions, u))
         if isinstance(u, Tensor):
             u = widened(u)
         given = [widened(w) for w in directions.values()]
         with own_precision(given[0]):
-            return blocks.run(kernel, self, given, u, per_path=per_path, block=block)
+            return blocks.run(kernel, surface, given, u, per_path=per_path, block=block)
 
 
 # The kernels: functions of components. Values are (C, N, …) with N = 1 where nothing was drawn.

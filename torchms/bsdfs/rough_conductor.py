@@ -7,7 +7,7 @@ from torchms.estimators.unidirectional import Unidirectional
 from torchms.fresnel.base import Fresnel
 from torchms.paths.mirror import Mirror
 from torchms.paths.segments import Invariance
-from torchms.sampling.proposals import ReflectionProposal
+from torchms.sampling.proposals import Proposal, ReflectionProposal
 
 
 class RoughConductor(BSDF):
@@ -29,12 +29,16 @@ class RoughConductor(BSDF):
         self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
 
     @property
+    def is_lossless(self) -> bool:
+        return self.fresnel.is_lossless
+
+    @property
     def vertex(self) -> Mirror:
         return Mirror(self.distribution, self.fresnel)
 
     @property
-    def proposal(self) -> ReflectionProposal:
-        return ReflectionProposal(self.distribution)
+    def proposal(self) -> Proposal:
+        return self.scattering.proposal(self.vertex) or ReflectionProposal(self.distribution)
 
     @property
     def n_channels(self) -> int:

@@ -34,6 +34,10 @@ class RoughDiffuse(BSDF):
         self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
 
     @property
+    def is_lossless(self) -> bool:
+        return bool((self.reflectance == 1).all())
+
+    @property
     def vertex(self) -> Diffuse:
         return Diffuse(self.distribution, self.reflectance)
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torchms.cli.commands import COMMANDS, main
     from torchms.cli.expression import parse_bsdf
-    from torchms.cli.render import run_render
     from torchms.cli.options import RenderOptions
+    from torchms.cli.render import run_render
 
 _HOME = {
     "COMMANDS": "torchms.cli.commands",

@@ -31,7 +31,9 @@ def described(options: SurfaceOptions, scattering: Scattering | None = None) -> 
 def scattering_of(options: RenderOptions | ExportOptions, glass: str, others: str) -> Scattering | None:
     """The model of --scattering, of --max-order bounces, or the usual one of the material; None: that of --bsdf."""
     if options.bsdf is None:
-        return SCATTERINGS[options.scattering or (glass if options.material == "dielectric" else others)](options.max_order)
+        return SCATTERINGS[options.scattering or (glass if options.material == "dielectric" else others)](
+            options.max_order
+        )
     if options.scattering is not None:
         return SCATTERINGS[options.scattering](options.max_order)
     return None

@@ -73,9 +73,7 @@ def _title(options: EnergyOptions) -> str:
     return f"{what}, {options.distribution} alpha = {alpha}{gamma}, {walks}"
 
 
-def _table(
-    options: EnergyOptions, tallies: dict[tuple[float, str], Tally], models: list[str], transmits: bool
-) -> str:
+def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], models: list[str], transmits: bool) -> str:
     """The table as text: a row for every angle and order, a column for every model (two where light is transmitted)."""
     sides = ("R", "T") if transmits else ("R",)
     header = ["theta", "k"] + [f"{name} {'E_' + side.lower()}" for name in models for side in sides]

@@ -132,7 +132,7 @@ class RenderOptions(SurfaceOptions):
     out: str
     """Where the picture goes: .png (tone-mapped) or .exr (linear)."""
     scattering: Scattering | None = None
-    """Model of the bounces; the best for the material if it is not given. Instead of that of --bsdf, if there is one."""
+    """Model of the bounces; bidirectional-invariance if it is not given, height-walk for a dielectric, or that of --bsdf."""
     max_order: int = 8
     """Bounces to count."""
     light: str = "directional"
@@ -183,7 +183,7 @@ class ExportOptions(SurfaceOptions):
     path: tyro.conf.Positional[str]
     """The file to write."""
     scattering: Scattering | None = None
-    """Model of the bounces; invariance if it is not given, height-walk for a dielectric. Instead of that of --bsdf, if there is one."""
+    """Model of the bounces; invariance if it is not given, height-walk for a dielectric, or that of --bsdf."""
     max_order: int = 4
     """Bounces to count. Writing a file takes about 5 s a bounce, for bidirectional with the square of it."""
     what: Literal["forward", "orders", "sample", "pdf"] = "forward"

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.distributions.gtr_area import downward_area, view
+from torchms.distributions.gtr_area import downward_area, incidence
 from torchms.distributions.gtr_visible import visible_normal
 from torchms.maths.frame import Vec3
 from torchms.maths.ratios import exp_ratio
@@ -48,7 +48,7 @@ class GTR(MicrofacetDistribution):
         return torch.where(up, exp_ratio(a) / (math.pi * exp_ratio((1 - self.gamma) * a)) * power, 0.0)
 
     def projected_area(self, w: Vec3) -> Tensor:
-        v = view(self.alpha, self.gamma, w)
+        v = incidence(self.alpha, self.gamma, w)
         down = downward_area(v)
         return torch.where(v.below, down, v.z + down)
 

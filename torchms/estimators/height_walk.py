@@ -1,6 +1,6 @@
 """The random walk of [Heitz2016], which carries the height: the oracle for reflection and transmission."""
 
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.paths.height import RandomHeight
 
 

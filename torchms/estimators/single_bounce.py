@@ -1,6 +1,6 @@
 """The classic microfacet BSDF: one bounce, the rest is lost."""
 
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.paths.segments import Correlated
 
 

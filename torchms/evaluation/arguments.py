@@ -1,4 +1,4 @@
-"""What a BSDF looks at before it computes; in the checked mode also the values of directions and random numbers."""
+"""What a BSDF looks at before it computes; in the checked mode also the values of directions, numbers and parameters."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,8 @@ from torch._C._functorch import is_functorch_wrapped_tensor
 
 from torchms.maths.frame import kind_of
 from torchms.maths.numerics import has_values
-from torchms.parameters.declared import first_bad
+from torchms.parameters.declared import Parameter, first_bad
+from torchms.parameters.exchange import parameters
 from torchms.sampling.stream import Stream
 
 UNIT = 1e-3
@@ -24,9 +25,10 @@ def set_validation(enabled: bool) -> bool:
     """Switch the checked mode on (as it is at first) or off, for the whole process; returns what it was.
 
     Checked, every method of a BSDF raises ValueError for a direction that is NaN, infinite or not of unit length
-    (| |w|² − 1 | ≤ 1e-3): one pass over the directions, 2 to 3 ns each; and for a random number outside of [0, 1), save
-    1 itself, to which one may have been rounded. Unchecked, both are used as they are: a NaN gives a row that is 0 or NaN,
-    another length or number gives the value of no surface, and other rows keep their bits and their gradients either way.
+    (| |w|² − 1 | ≤ 1e-3): one pass over the directions, 2 to 3 ns each; for a random number outside of [0, 1), save 1
+    itself, to which one may have been rounded; and for a parameter that has left its range since it was declared, as an
+    optimizer may move it. Unchecked, all are used as they are: a NaN gives a row that is 0 or NaN, another length or number
+    gives the value of no surface, and other rows keep their bits and their gradients either way.
     While a graph is traced (`torch.compile`, `torch.export`, ONNX, fake tensors) and inside `torch.func` transforms of the
     directions nothing is checked. Raises TypeError if `enabled` is not a bool.
     """
@@ -37,8 +39,9 @@ def set_validation(enabled: bool) -> bool:
     return before
 
 
-def check_values(directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> None:
-    """Raise ValueError, in checked mode, for a direction (*batch, 3) that is not of unit length or a number not in [0, 1].
+def check_values(module: nn.Module, directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> None:
+    """Raise ValueError, in checked mode, for a direction (*batch, 3) that is not of unit length, a number not in [0, 1] or a
+    parameter of `module` out of its range.
 
     The host reads the result on the CPU block by block, from another device once.
     """
@@ -48,12 +51,36 @@ def check_values(directions: Mapping[str, Tensor], u: Tensor | Stream | None) ->
     known = {name: x for name, x in given.items() if x.numel() and not _has_no_values(x)}
     with torch.no_grad():
         bad = {name: _strays(x) if name in directions else _leaves(x) for name, x in known.items()}
+        held = {name: p for name, p in parameters(module).items() if p.value.numel() and not _has_no_values(p.value)}
+        bad |= {name: _out_of_range(record, value.detach()) for name, (record, value) in held.items()}
         waiting = [x for x in bad.values() if isinstance(x, Tensor)]
         if waiting and not bool(torch.stack(waiting).any()):
             return
         for name, x in known.items():
             if bad[name]:
                 (_refuse_direction if name in directions else _refuse_number)(name, x.detach())
+        for name, (record, value) in held.items():
+            if bad[name]:
+                _refuse_parameter(module, name, record, value.detach())
+
+
+def check_finite(vectors: Mapping[str, Tensor]) -> None:
+    """Raise ValueError, in checked mode, for a vector (*batch, 3) of any length with a NaN or an infinity in it."""
+    if not _checked or torch.compiler.is_compiling():
+        return
+    known = {name: x for name, x in vectors.items() if x.numel() and not _has_no_values(x)}
+    with torch.no_grad():
+        # A sum that is finite has no term that is not, and one pass makes it.
+        doubtful = [~_seen_once(x, 1).sum().isfinite() for x in known.values()]
+        if not doubtful or not bool(torch.stack([x.to(doubtful[0].device) for x in doubtful]).any()):
+            return
+        for name, x in known.items():
+            bad = ~x.isfinite()
+            if bool(bad.any()):
+                raise ValueError(
+                    f"{name} must hold finite vectors; got {first_bad(bad, x)}. A zero vector stands for a pixel where "
+                    "nothing is; torchms.set_validation(False) skips this check."
+                )
 
 
 def check_random(u: Tensor | Stream | None, D: int, optional: bool, caller: str) -> None:
@@ -142,6 +169,16 @@ def _outside(x: Tensor, least: float, most: float) -> bool | Tensor:
     return ~((low >= least) & (high <= most))
 
 
+def _out_of_range(record: Parameter, value: Tensor) -> bool | Tensor:
+    """Whether an element is not in the declared range; off the CPU a tensor."""
+    if not _on_host(value):
+        return record.outside(torch.stack(torch.aminmax(value))).any()
+    low, high = (float(value),) * 2 if value.numel() == 1 else map(float, torch.aminmax(value))
+    inside = (low > record.low if record.open_low else low >= record.low) and high <= record.high
+    # The ends of the range, rounded to the dtype of the value, belong to it.
+    return not inside and bool(record.outside(value).any())
+
+
 def _on_host(x: Tensor) -> bool:
     """Whether a number of `x` costs nothing to read."""
     return x.device.type == "cpu"
@@ -173,3 +210,17 @@ def _refuse_number(name: str, u: Tensor) -> None:
         f"{name} must hold numbers in [0, 1); got {first_bad(bad, u)}. Draw them with bsdf.uniforms(batch_shape, "
         "n_paths), or use torchms.set_validation(False) to skip this check."
     )
+
+
+def _refuse_parameter(module: nn.Module, name: str, record: Parameter, value: Tensor) -> None:
+    raise ValueError(
+        f"{name} of this {type(module).__name__} must lie in {record.range}; got {first_bad(record.outside(value), value)}. "
+        f"{record.remedy} torchms.constrain(bsdf, {name!r}) keeps it there while it is trained; "
+        "torchms.set_validation(False) skips this check."
+    )
+
+
+def given_batches(directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> list[torch.Size]:
+    """The batch shapes of what a method is given."""
+    shapes = [w.shape[:-1] for w in directions.values()]
+    return shapes if u is None else [*shapes, u.shape[:-2] if isinstance(u, Tensor) else u.batch_shape]

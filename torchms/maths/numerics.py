@@ -60,9 +60,14 @@ def safe_div(a: Tensor, b: Tensor) -> Tensor:
 
 def score(p: Tensor) -> Tensor:
     """p / p = 1 with the gradient of ln p: what a sample of density p weighs; without a gradient where p is 0."""
-    held = p.detach()
-    ok = held > smallest(p.dtype)
-    return torch.where(ok, p, 1.0) / torch.where(ok, held, 1.0)
+    return score_of(p, p)
+
+
+def score_of(value: Tensor, density: Tensor) -> Tensor:
+    """`value` over the `density` that it was drawn with, which is held; 1, without a gradient, where the density is 0."""
+    held = density.detach()
+    ok = held > smallest(held.dtype)
+    return torch.where(ok, value, 1.0) / torch.where(ok, held, 1.0)
 
 
 def log1p(x: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torchms.microsurface.rays.grid_walk import GridTracer
     from torchms.microsurface.rays.tracer import EmbreeTracer, Tracer
-    from torchms.microsurface.simulation.materials import FacetMaterial, DiffuseFacets, MirrorFacets, DielectricFacets
+    from torchms.microsurface.simulation.materials import DielectricFacets, DiffuseFacets, FacetMaterial, MirrorFacets
     from torchms.microsurface.simulation.parts import facets_of, surfaces_of
     from torchms.microsurface.simulation.plan import Plan
     from torchms.microsurface.simulation.simulate import simulate

@@ -12,7 +12,7 @@ from torchms.bsdfs import base
 from torchms.bsdfs.base import BSDF
 from torchms.evaluation import blocks
 from torchms.parameters.declared import Parameter
-from torchms.parameters.exchange import declarations, parameters, with_parameters
+from torchms.parameters.exchange import declarations, parameters, weights, with_parameters
 from torchms.sampling.stream import BITS, Stream, sobol
 
 WHATS = ("forward", "orders", "sample", "pdf")
@@ -40,10 +40,12 @@ def slots(bsdf: BSDF) -> dict[str, Slot]:
 
 
 def replaced(bsdf: BSDF, values: dict[Slot, Tensor], dtype: torch.dtype | None = None) -> BSDF:
-    """A copy of `bsdf` with these values in their slots and the others in `dtype`; nothing is validated."""
+    """A copy of `bsdf` with these values in their slots and the others, weights included, in `dtype`; nothing is validated."""
     others = {name: value.detach() for name, (_, value) in parameters(bsdf).items()}
     if dtype is not None:
-        others = {name: value.to(dtype) for name, value in others.items()}
+        # Networks and tables compute in the dtype of what they are given.
+        others |= {name: x.detach() for name, x in weights(bsdf).items() if x.is_floating_point()}
+        others = {name: x.to(dtype) for name, x in others.items()}
     return with_parameters(bsdf, others | {slot.dotted: value for slot, value in values.items()})
 
 

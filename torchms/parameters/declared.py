@@ -1,5 +1,6 @@
 """Parameters of a batch: how a module declares, checks and stores the numbers that describe a surface."""
 
+import inspect
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -94,6 +95,11 @@ class Parametric(nn.Module):
         elif isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
             kind = "None" if value is None else type(value).__name__
             raise TypeError(f"{label} must be a float, a Tensor or an nn.Parameter; got {kind}.")
+        elif isinstance(value, list | tuple) and not channels:
+            raise TypeError(
+                f"{label} must be one number, or a tensor of one for every element of a batch; got {value!r}. "
+                f"{self._remedy_of_list(value)}"
+            )
         else:
             try:
                 tensor = torch.tensor(value, dtype=torch.get_default_dtype())
@@ -117,6 +123,15 @@ class Parametric(nn.Module):
             self.register_parameter(name, tensor)
         else:
             self.register_buffer(name, tensor)
+
+    def _remedy_of_list(self, value: list[Any] | tuple[Any, ...]) -> str:
+        """What to write for a list where a number stands: it may mean several arguments, or a batch."""
+        arguments = list(inspect.signature(type(self)).parameters)[: len(value)]
+        batch = f"torch.tensor({list(value)})"
+        if 2 <= len(value) <= len(arguments):
+            together = f"{type(self).__name__}({', '.join(map(repr, value))})"
+            return f"Write {together} for {' and '.join(arguments)}, {batch} for a batch."
+        return f"Write {batch} for a batch."
 
     def parameter_batch_shapes(self) -> list[torch.Size]:
         """Batch shapes of all declared parameters, children included, without the channel axes."""

@@ -20,7 +20,12 @@ from torchms.microsurface.simulation.simulate import simulate
 from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 
 SIMULATION = "simulation"
-MODELS = {"height walk": "height-walk", "uncorrelated": "uncorrelated", "correlated": "correlated", "invariance": "invariance"}
+MODELS = {
+    "height walk": "height-walk",
+    "uncorrelated": "uncorrelated",
+    "correlated": "correlated",
+    "invariance": "invariance",
+}
 """What a figure calls a model, and its name on the command line."""
 
 

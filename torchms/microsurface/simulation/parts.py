@@ -1,6 +1,6 @@
 """What a BSDF is made of as the parts of a simulation, so that an explicit surface and a model can be compared in one call.
 
-    simulate(surfaces_of(bsdf.distribution), facets_of(bsdf), wi, n_rays=1e6), measure(bsdf, wi, n_paths=1_000_000)
+simulate(surfaces_of(bsdf.distribution), facets_of(bsdf), wi, n_rays=1e6), measure(bsdf, wi, n_paths=1_000_000)
 """
 
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
@@ -33,4 +33,6 @@ def facets_of(bsdf: BSDF) -> FacetMaterial:
         return DielectricFacets(float(bsdf.fresnel.eta))
     if isinstance(bsdf, RoughDiffuse):
         return DiffuseFacets(bsdf.reflectance.reshape(-1).tolist())
-    raise ValueError(f"facets_of(bsdf=...) must be a rough conductor, dielectric or diffuse; got {type(bsdf).__name__}.")
+    raise ValueError(
+        f"facets_of(bsdf=...) must be a rough conductor, dielectric or diffuse; got {type(bsdf).__name__}."
+    )

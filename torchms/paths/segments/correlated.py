@@ -25,6 +25,7 @@ class Correlated(Segment):
 
     is_reciprocal = False
     transmits = True
+    is_exact_once = True
 
     def start(self, first: Leg, monotone: bool) -> CorrelatedState:
         return CorrelatedState(torch.ones_like(first.lam), first.lam)

@@ -26,6 +26,7 @@ class Invariance(Segment):
 
     is_reciprocal = True
     transmits = False
+    is_exact = True
 
     def start(self, first: Leg, monotone: bool) -> InvarianceState:
         return InvarianceState((first,), ((),), monotone)

@@ -1,0 +1,126 @@
+"""Files of distilled lobes: weights of a network in an .npz, without pickle, with a certificate of how they were made."""
+
+import io
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from torchms.approximations.network import Layer
+from torchms.storage.archives import read_arrays
+from torchms.storage.write import write_whole
+
+FORMAT = 1
+"""Version of the files: of the features, and of what the outputs mean."""
+MOST_BYTES = 300 << 10
+"""Largest file, packed or not."""
+REMEDY = "Write it again: python -m torchms.approximations.distil."
+MOST_LAYERS = 8
+
+
+class Distillate(NamedTuple):
+    """What a file holds.
+
+    facet: "metal". distribution: "GGX" or "Beckmann". alpha: smallest and largest roughness it was trained for.
+    layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
+    """
+
+    facet: str
+    distribution: str
+    alpha: tuple[float, float]
+    layers: list[Layer]
+    skip: Tensor
+    certificate: dict[str, Any]
+
+
+def write(path: str | Path, distillate: Distillate, force: bool = False) -> None:
+    """Put `distillate` at `path`, whole or not at all; FileExistsError for a file that is there, unless `force`."""
+    content: dict[str, Any] = {
+        "format": np.array(FORMAT),
+        "facet": np.array(distillate.facet),
+        "distribution": np.array(distillate.distribution),
+        "alpha": np.array(distillate.alpha, dtype=np.float64),
+        "certificate": np.array(json.dumps(distillate.certificate, allow_nan=False)),
+        "skip": distillate.skip.detach().float().numpy(),
+    }
+    for k, (weight, offset) in enumerate(distillate.layers):
+        content[f"weight_{k}"] = weight.detach().float().numpy()
+        content[f"offset_{k}"] = offset.detach().float().numpy()
+    file = io.BytesIO()
+    np.savez_compressed(file, **content)
+    write_whole(path, file.getvalue(), force)
+
+
+def read(path: str | Path, facet: str, inputs: int, outputs: int) -> Distillate:
+    """The distillate of such facets, for a network of so many inputs and outputs, in the file `path`.
+
+    Raises FileNotFoundError for none, ValueError for a file that is damaged, of another format or facet, or whose weights
+    do not fit together or are not finite; nothing is unpickled, and no array is read before its size is known to fit.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file of distilled lobes {path}. {REMEDY}")
+    try:
+        arrays = read_arrays(path, MOST_BYTES)
+    except ValueError as error:
+        raise ValueError(f"{path.name} is truncated or no .npz file of distilled lobes: {error}. {REMEDY}") from error
+    version = _said(arrays, "format", path)
+    if version != FORMAT:
+        raise ValueError(f"{path.name} holds distilled lobes of format {version}; this is format {FORMAT}. {REMEDY}")
+    found = str(_said(arrays, "facet", path))
+    if found != facet:
+        raise ValueError(f"{path.name} is about facets of {found}; {facet} is asked for.")
+    try:
+        certificate = json.loads(str(_said(arrays, "certificate", path)))
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path.name} has no readable certificate: {error}. {REMEDY}") from error
+    low, high = (float(a) for a in _array(arrays, "alpha", (2,), path))
+    if not 0 < low < high < math.inf:
+        raise ValueError(f"{path.name} is for alpha in [{low:g}, {high:g}], which is no range. {REMEDY}")
+    layers = _layers(arrays, inputs, outputs, path)
+    skip = _weights(arrays, "skip", (outputs, inputs), path)
+    distribution = str(_said(arrays, "distribution", path))
+    return Distillate(facet, distribution, (low, high), layers, skip, certificate)
+
+
+def _layers(arrays: dict[str, np.ndarray], inputs: int, outputs: int, path: Path) -> list[Layer]:
+    """Weights that fit to each other; ValueError otherwise."""
+    depth = sum(name.startswith("weight_") for name in arrays)
+    if not 1 <= depth <= MOST_LAYERS:
+        raise ValueError(f"{path.name} has {depth} layers; 1 to {MOST_LAYERS} are expected. {REMEDY}")
+    layers = []
+    n = inputs
+    for k in range(depth):
+        offset = arrays.get(f"offset_{k}")
+        m = outputs if k == depth - 1 else len(offset) if offset is not None and offset.ndim == 1 else 0
+        layers.append((_weights(arrays, f"weight_{k}", (m, n), path), _weights(arrays, f"offset_{k}", (m,), path)))
+        n = m
+    return layers
+
+
+def _weights(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
+    array = _array(arrays, name, shape, path)
+    if array.dtype != np.float32:
+        raise ValueError(f"{path.name}: {name!r} must be float32; got {array.dtype}. {REMEDY}")
+    return torch.from_numpy(array)
+
+
+def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], path: Path) -> np.ndarray:
+    if name not in arrays:
+        raise ValueError(f"{path.name} holds no distilled lobes: it lacks {name!r}. {REMEDY}")
+    array = arrays[name]
+    if array.shape != shape:
+        raise ValueError(f"{path.name}: {name!r} must have shape {shape}; got {array.shape}. {REMEDY}")
+    if array.dtype.kind != "f" or not np.isfinite(array).all():
+        raise ValueError(f"{path.name}: {name!r} must hold finite numbers. {REMEDY}")
+    return array
+
+
+def _said(arrays: dict[str, np.ndarray], name: str, path: Path) -> Any:
+    if name not in arrays or arrays[name].shape != ():
+        raise ValueError(f"{path.name} holds no distilled lobes: it does not say its {name}. {REMEDY}")
+    return arrays[name].item()
