@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from torchms.onnx import seal
 
-BLOCK = 16384
+BLOCK_ROWS = 16384
 """Rows × paths that go to the runtime at a time."""
 
 MOST_BYTES = 1 << 28
@@ -60,7 +60,7 @@ class Evaluator:
     unknown inputs and wrong dtypes, ValueError for shapes and for parameters out of range.
     """
 
-    def __init__(self, path: str | Path, *, threads: int = 1, block: int = BLOCK, verify: bool = True) -> None:
+    def __init__(self, path: str | Path, *, threads: int = 1, block: int = BLOCK_ROWS, verify: bool = True) -> None:
         if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
             raise ValueError(f"Evaluator(threads=...) must be an int of 1 or more; got {threads!r}.")
         if isinstance(block, bool) or not isinstance(block, int) or block < 1:

@@ -5,6 +5,7 @@ simulate(surfaces_of(bsdf.distribution), facets_of(bsdf), wi, n_rays=1e6), measu
 
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.distributions import Beckmann, MicrofacetDistribution
+from torchms.fresnel import Dielectric
 from torchms.microsurface.simulation.materials import DielectricFacets, DiffuseFacets, FacetMaterial, MirrorFacets
 from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 
@@ -29,10 +30,10 @@ def facets_of(bsdf: BSDF) -> FacetMaterial:
     """What the facets of `bsdf` do to light; its scattering does not matter. ValueError for a BSDF of another kind."""
     if isinstance(bsdf, RoughConductor):
         return MirrorFacets(bsdf.fresnel)
-    if isinstance(bsdf, RoughDielectric):
+    if isinstance(bsdf, RoughDielectric) and isinstance(bsdf.fresnel, Dielectric):
         return DielectricFacets(float(bsdf.fresnel.eta))
     if isinstance(bsdf, RoughDiffuse):
         return DiffuseFacets(bsdf.reflectance.reshape(-1).tolist())
     raise ValueError(
-        f"facets_of(bsdf=...) must be a rough conductor, dielectric or diffuse; got {type(bsdf).__name__}."
+        f"facets_of(bsdf=...) must be a rough conductor, dielectric with Dielectric(eta) or diffuse; got {bsdf!r}."
     )

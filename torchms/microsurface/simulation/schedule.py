@@ -11,7 +11,6 @@ from torchms.microsurface.simulation import distributed
 from torchms.microsurface.simulation.checkpoint import Checkpoint
 from torchms.microsurface.simulation.partial import Partial
 from torchms.microsurface.simulation.plan import Plan, Shard
-from torchms.microsurface.simulation.progress import Progress
 from torchms.microsurface.simulation.tracing import run_surface
 
 
@@ -48,7 +47,7 @@ def run_shards(
     *,
     threads: int | None = None,
     store: Checkpoint | None = None,
-    bar: Progress | None = None,
+    advance: Callable[[int], None] = lambda rays: None,
 ) -> Clock:
     """Trace the shards of `todo` and add them to `total`; each is stored the moment it is finished."""
     n = checked_threads(threads)
@@ -62,8 +61,7 @@ def run_shards(
         total.add(found, plan.group(shard), shard.surface)
         clock.rays += int(found.counts[0, 0])
         clock.segments += int(found.counts[0, 1])
-        if bar is not None:
-            bar.advance(shard.rays)
+        advance(shard.rays)
 
     with Workers(n) as workers:
 
