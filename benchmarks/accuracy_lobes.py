@@ -26,7 +26,7 @@ from torchms.fresnel import Conductor, Fresnel, Ideal
 from torchms.lobes import measure
 from torchms.lobes.measure import incident_angles
 from torchms.microsurface.rays.grid_walk import GridTracer
-from torchms.microsurface.simulation.materials import Mirror
+from torchms.microsurface.simulation.materials import MirrorFacets
 from torchms.microsurface.simulation.simulate import simulate
 from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 from torchms.storage.write import check_writable, write_json
@@ -105,7 +105,14 @@ def lobe_row(kind: str, alpha: tuple[float, ...], theta: float, options: Options
     if kind == "Beckmann":
         recipe = GaussianSurfaces(alpha[0], alpha[-1], count=options.surfaces, size=512)
         truth = simulate(
-            recipe, Mirror(), wi, n_rays=options.rays, max_order=K, seed=options.seed, tracer=GridTracer(), lobes=True
+            recipe,
+            MirrorFacets(),
+            wi,
+            n_rays=options.rays,
+            max_order=K,
+            seed=options.seed,
+            tracer=GridTracer(),
+            lobes=True,
         )
         assert truth.lobes is not None
         theirs = coarser(upper(truth.lobes.mean))

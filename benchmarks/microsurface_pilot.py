@@ -14,7 +14,15 @@ import numpy as np
 import tyro
 
 from torchms.maths.frame import direction
-from torchms.microsurface import EmbreeTracer, GaussianSurfaces, GridTracer, Heightfield, Mirror, Refractive, simulate
+from torchms.microsurface import (
+    DielectricFacets,
+    EmbreeTracer,
+    GaussianSurfaces,
+    GridTracer,
+    Heightfield,
+    MirrorFacets,
+    simulate,
+)
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.simulation.launch import launch
 from torchms.storage.write import check_writable, write_json
@@ -52,7 +60,7 @@ def pilot(options: Options) -> list[dict[str, Any]]:
     for (alpha, theta), numbers in PILOT.items():
         tally = simulate(
             GaussianSurfaces(alpha, count=options.surfaces),
-            Mirror(),
+            MirrorFacets(),
             direction(theta).numpy(),
             n_rays=options.rays,
             seed=options.seed,
@@ -82,7 +90,7 @@ def agreement(options: Options) -> list[dict[str, Any]]:
         grid = Grid.of(Heightfield.gaussian(alpha, size=1024, seed=options.seed))
         walk, embree = GridTracer().bind(grid), EmbreeTracer().bind(grid)
         for theta in (0.0, 1.0, 1.5):
-            for bounces, material in ((0, Mirror()), (1, Mirror()), (1, Refractive(1.5))):
+            for bounces, material in ((0, MirrorFacets()), (1, MirrorFacets()), (1, DielectricFacets(1.5))):
                 p = Paths.empty(n, 1, False)
                 p.n = n
                 place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)

@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from torchms.maths.frame import direction
-from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, Mirror
+from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, MirrorFacets
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Caster, Tracer
 from torchms.microsurface.simulation.launch import launch
@@ -75,7 +75,7 @@ def parts(grid: Grid, caster: Caster, wi: np.ndarray, n: int = 65536) -> dict[st
     timed("launch", launch, 0, n, key, wi, *grid.heights.shape, grid.launch_height, *place, n)
     for event in range(11):
         if event:
-            timed("scatter", Mirror().scatter, p, grid, event, key, False)
+            timed("scatter", MirrorFacets().scatter, p, grid, event, key, False)
         timed("trace", caster.cast, p)
         p.n = timed("tally", settle, event, np.ones(1), False, p.weight, *energies, *place, p.n)
         if not p.n:
@@ -86,7 +86,7 @@ def parts(grid: Grid, caster: Caster, wi: np.ndarray, n: int = 65536) -> dict[st
 def measured(surface: Heightfield, grid: Grid, tracer: Tracer, theta: float, options: Options) -> dict[str, Any]:
     """Speeds of one tracer on one surface at one angle."""
     wi = direction(theta).numpy()
-    plan = Plan(surface, Mirror(), wi, n_rays=options.rays, seed=1, tracer=tracer)
+    plan = Plan(surface, MirrorFacets(), wi, n_rays=options.rays, seed=1, tracer=tracer)
     wall = [
         run_shards(plan, plan.shards, plan.nothing(), threads=options.threads).report() for _ in range(options.repeats)
     ]

@@ -54,9 +54,10 @@ PARAMETERS = {
 
 def entries(options: Options):
     """Write and compare file after file."""
-    from torchms.cli.export import SCATTERINGS, build
+    from torchms.bsdfs.named import SCATTERINGS
+    from torchms.cli.export import build
+    from torchms.cli.options import ExportOptions
     from torchms.onnx.exporter import checked, exported
-    from torchms.onnx.options import ExportOptions
     from torchms.onnx.parity.compare import check
     from torchms.onnx.parity.table import Entry
     from torchms.storage.write import write_whole

@@ -84,7 +84,7 @@ class Graph(nn.Module):
     def output_names(self) -> list[str]:
         return {"forward": ["value"], "orders": ["orders"], "sample": ["wo", "pdf"], "pdf": ["pdf"]}[self.what]
 
-    def example(self, rows: int = 3, device: torch.device | None = None) -> tuple[Tensor, ...]:
+    def example(self, rows: int = 3) -> tuple[Tensor, ...]:
         """Inputs of the right shapes."""
         dtype, C = self.bsdf.dtype, self.bsdf.n_channels
         direction = torch.tensor([0.6, 0.0, 0.8], dtype=dtype).expand(rows, 3).clone()

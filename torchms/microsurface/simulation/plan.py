@@ -71,7 +71,7 @@ class Plan:
             raise ValueError(
                 f"simulate(wi=...) must be a unit vector (3,) above the horizon, away from the surface; got "
                 f"{wi.tolist()}. Use torch.nn.functional.normalize; for light from inside a dielectric pass "
-                "Refractive(1 / eta)."
+                "DielectricFacets(1 / eta)."
             )
         if self.n_surfaces < 1:
             raise ValueError("simulate(surface=...) must hold at least 1 surface; got an empty sequence.")

@@ -3,14 +3,14 @@
 import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from itertools import groupby
 
+from torchms.evaluation.workers import Workers
 from torchms.microsurface.simulation import distributed
 from torchms.microsurface.simulation.checkpoint import Checkpoint
 from torchms.microsurface.simulation.partial import Partial
 from torchms.microsurface.simulation.plan import Plan, Shard
-from torchms.microsurface.simulation.progress import Progress
 from torchms.microsurface.simulation.tracing import run_surface
 
 
@@ -47,10 +47,10 @@ def run_shards(
     *,
     threads: int | None = None,
     store: Checkpoint | None = None,
-    bar: Progress | None = None,
+    advance: Callable[[int], None] = lambda rays: None,
 ) -> Clock:
     """Trace the shards of `todo` and add them to `total`; each is stored the moment it is finished."""
-    workers = checked_threads(threads)
+    n = checked_threads(threads)
     distributed.wait_for_all()
     clock = Clock()
 
@@ -61,29 +61,23 @@ def run_shards(
         total.add(found, plan.group(shard), shard.surface)
         clock.rays += int(found.counts[0, 0])
         clock.segments += int(found.counts[0, 1])
-        if bar is not None:
-            bar.advance(shard.rays)
+        advance(shard.rays)
 
-    with ThreadPoolExecutor(workers) as pool:
+    with Workers(n) as workers:
 
         def run(trace: Callable[[Shard], Partial], shards: Sequence[Shard]) -> None:
             clock.surfaces += time.perf_counter() - begin
             start = time.perf_counter()
             waiting: dict[Future, Shard] = {}
             queue = iter(shards)
-            try:
-                while True:
-                    # Few results wait at a time: memory is bounded however many shards there are.
-                    while len(waiting) < 2 * workers and (shard := next(queue, None)) is not None:
-                        waiting[pool.submit(trace, shard)] = shard
-                    if not waiting:
-                        break
-                    for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                        finish(future, waiting.pop(future))
-            except BaseException:
-                for future in waiting:
-                    future.cancel()
-                raise
+            while True:
+                # Few results wait at a time: memory is bounded however many shards there are.
+                while len(waiting) < 2 * n and (shard := next(queue, None)) is not None:
+                    waiting[workers.submit(trace, shard)] = shard
+                if not waiting:
+                    break
+                for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                    finish(future, waiting.pop(future))
             clock.tracing += time.perf_counter() - start
 
         for _, shards in groupby(todo, key=lambda shard: shard.surface):

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from torchms.cli.progress import progress_bar
 from torchms.lobes.tally import Tally
 from torchms.microsurface.rays.grid_walk import require_numba
 from torchms.microsurface.simulation import distributed
@@ -10,7 +11,6 @@ from torchms.microsurface.simulation.checkpoint import Checkpoint
 from torchms.microsurface.simulation.materials import FacetMaterial
 from torchms.microsurface.simulation.partial import Partial
 from torchms.microsurface.simulation.plan import Incidence, Plan, Shard, Surfaces
-from torchms.microsurface.simulation.progress import Progress
 from torchms.microsurface.simulation.result import tally
 from torchms.microsurface.simulation.schedule import run_shards
 
@@ -40,11 +40,13 @@ def simulate(
     """
     require_numba()
     plan = Plan(surface, material, wi, **settings)
+    plan.tracer.require()
     store = None if checkpoint is None else Checkpoint.open(Path(checkpoint), plan)
     total = plan.nothing()
     todo = distributed.share_of(take_finished(plan, store, total))
-    with Progress(sum(shard.rays for shard in todo), enabled=progress) as bar:
-        clock = run_shards(plan, todo, total, threads=threads, store=store, bar=bar)
+    rays = sum(shard.rays for shard in todo)
+    with progress_bar("microsurface", rays, None if progress else False, unit="rays") as advance:
+        clock = run_shards(plan, todo, total, threads=threads, store=store, advance=advance)
     distributed.add_up(total)
     clock.join()
     result = tally(plan, total)
