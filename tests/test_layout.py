@@ -175,7 +175,7 @@ def public_classes() -> dict[str, type]:
     while pending:
         cls = pending.pop()
         pending += cls.__subclasses__()
-        if cls.__module__.startswith("torchms.") and cls.__name__ not in ABSTRACT:
+        if cls.__module__.startswith("torchms.") and cls.__name__ not in ABSTRACT and not cls.__name__.startswith("_"):
             found[cls.__name__] = cls
     exported = [getattr(torchms, name) for name in torchms.__all__] + [getattr(fresnel, n) for n in fresnel.__all__]
     return found | {c.__name__: c for c in exported if inspect.isclass(c) and c.__name__ not in ABSTRACT}
