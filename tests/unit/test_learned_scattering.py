@@ -8,12 +8,13 @@ import pytest
 import torch
 from test_contributing import definitions
 from torch import nn
-from torchms.onnx.check import eagerly, grid
 
 from torchms import GGX, Bidirectional, Invariance, RoughConductor, RoughDielectric, Stream
 from torchms.fresnel import Conductor, Dielectric, Ideal
 from torchms.onnx import Evaluator, export
 from torchms.onnx.exporter import checked
+from torchms.onnx.parity.eager import eagerly
+from torchms.onnx.parity.grid import grid
 from torchms.parameters.exchange import parameters, weights
 from torchms.sampling.uniforms import generator_for
 from torchms.testing import law_suite
