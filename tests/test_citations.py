@@ -56,7 +56,9 @@ def test_a_constrained_part_is_known() -> None:
 def test_what_is_cited_exists() -> None:
     """Every source that a class names is in the table; one that is not there is said to be missing."""
     text = "".join(file.read_text() for file in (ROOT / "torchms").rglob("*.py"))
-    named = {key for line in re.findall(r"^    sources = \((.*)\)$", text, re.M) for key in re.findall(r'"(\w+)"', line)}
+    named = {
+        key for line in re.findall(r"^    sources = \((.*)\)$", text, re.M) for key in re.findall(r'"(\w+)"', line)
+    }
     assert len(named) > 8 and named <= set(PAPERS)
 
     class Mine(ms.GGX):
