@@ -1,4 +1,4 @@
-"""The papers behind the parts of a BSDF: `torchms.cite`."""
+"""The papers behind the parts of a BSDF: `torchms.cite`. A class names its own by their keys, as `sources`."""
 
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
@@ -101,26 +101,6 @@ PAPERS: dict[str, Paper] = {
 }
 """Every source by its key; the README lists them under Sources. (A key's year is that of the first copy we had.)"""
 
-BEHIND: dict[str, tuple[str, ...]] = {
-    "GGX": ("Walter2007", "Dupuy2023"),
-    "Beckmann": ("Walter2007",),
-    "GTR": ("Burley2012", "Dimov2015"),
-    "RoughConductor": ("Heitz2014",),
-    "RoughDielectric": ("Heitz2014", "Walter2007"),
-    "RoughDiffuse": ("Heitz2014", "HeitzDupuy2015"),
-    "SingleBounce": ("Heitz2014",),
-    "Unidirectional": ("Wang2022",),
-    "Bidirectional": ("Wang2022",),
-    "Uncorrelated": ("Wang2022",),
-    "Correlated": ("Wang2022",),
-    "Invariance": ("Cui2023",),
-    "HeightWalk": ("Heitz2016",),
-    "KullaConty": ("KullaConty2017", "Hill2018"),
-    "Turquin": ("Turquin2019",),
-    "Distilled": ("Wang2022", "Cui2023"),
-}
-"""What a class, by its name, is made after; a class of which nothing is said here adds nothing."""
-
 TOGETHER: dict[tuple[str, str], str] = {("RoughConductor", "GGX"): "Tokuyoshi2023"}
 """What two classes of one BSDF are made after: a conductor samples GGX by bounded visible normals."""
 
@@ -141,8 +121,14 @@ def cite(bsdf: nn.Module, style: Literal["text", "bibtex"] = "text") -> str:
 
 def _keys(bsdf: nn.Module) -> set[str]:
     # A parametrized module (see `constrain`) is of a class of its own, whose base is meant.
-    names = {base.__name__ for part in _parts(bsdf) for base in type(part).__mro__}
-    keys = {key for name in names for key in BEHIND.get(name, ())}
+    bases = {base for part in _parts(bsdf) for base in type(part).__mro__}
+    keys = {key for base in bases for key in vars(base).get("sources", ())}
+    unknown = keys - set(PAPERS)
+    if unknown:
+        raise ValueError(
+            f"sources of a part name {', '.join(sorted(unknown))}, which torchms.citations.PAPERS does not have. Add it there."
+        )
+    names = {base.__name__ for base in bases}
     return keys | {key for pair, key in TOGETHER.items() if names.issuperset(pair)}
 
 

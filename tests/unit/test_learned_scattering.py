@@ -9,6 +9,7 @@ import torch
 from test_contributing import definitions
 from torch import nn
 
+import torchms
 from torchms import GGX, Bidirectional, Invariance, RoughConductor, RoughDielectric, Stream
 from torchms.fresnel import Conductor, Dielectric, Ideal
 from torchms.onnx import Evaluator, export
@@ -105,3 +106,25 @@ def test_it_is_exported(tmp_path: Path) -> None:
     wi, wo = directions(50, 1), directions(50, 2)
     torch.testing.assert_close(evaluator(wi, wo, alpha=0.7), surface(wi, wo).detach(), rtol=1e-4, atol=1e-6)
     assert math.isfinite(float(evaluator(wi, wo, alpha=0.2).sum()))
+
+
+def test_one_program_serves_all_steps_of_its_training() -> None:
+    """Weights are inputs of compiled code: a step changes its results, as it does the eager ones, and compiles nothing."""
+    surface, wi, wo = learned(), directions(40, 1), directions(40, 2)
+    fast = torchms.compile(surface, verbose=False)
+    optimizer = torch.optim.SGD(surface.scattering.parameters(), lr=5.0)
+    programs, values = set(), []
+    for _ in range(3):
+        gradients = []
+        for each in (fast, surface):
+            value = each(wi, wo)
+            gradients.append(torch.autograd.grad(value.square().mean(), list(surface.parameters())))
+        values.append(fast(wi, wo).detach())
+        torch.testing.assert_close(values[-1], surface(wi, wo).detach(), rtol=1e-4, atol=1e-6)
+        for a, b in zip(*gradients, strict=True):
+            torch.testing.assert_close(a, b, rtol=1e-3, atol=1e-4 * float(b.abs().max()))
+        for parameter, gradient in zip(surface.parameters(), gradients[0], strict=True):
+            parameter.grad = gradient
+        optimizer.step()
+        programs.add(len(fast.engine.compiled) if fast.engine is not None else 0)
+    assert len(programs) == 1 and float((values[0] - values[-1]).abs().max()) > 1e-4

@@ -37,6 +37,8 @@ class Distilled(Scattering):
     are refused with a ValueError.
     """
 
+    sources = ("Wang2022", "Cui2023")
+
     max_order = 4
     is_unbiased = False
     is_reciprocal = True

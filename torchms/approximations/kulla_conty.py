@@ -24,6 +24,8 @@ class KullaConty(Compensated):
     distributions and anisotropic glass are refused with a ValueError.
     """
 
+    sources = ("KullaConty2017", "Hill2018")
+
     is_reciprocal = True
 
     def n_extra(self, vertex: Vertex) -> int:

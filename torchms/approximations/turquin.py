@@ -19,6 +19,8 @@ class Turquin(Compensated):
     Beckmann. Diffuse facets, other distributions and anisotropic glass are refused with a ValueError.
     """
 
+    sources = ("Turquin2019",)
+
     is_reciprocal = False
 
     def n_extra(self, vertex: Vertex) -> int:

@@ -16,6 +16,8 @@ class RoughConductor(BSDF):
     scattering: `Unidirectional(Invariance(), max_order=8)` if it is not given.
     """
 
+    sources = ("Heitz2014",)
+
     def __init__(
         self, distribution: MicrofacetDistribution, fresnel: Fresnel, scattering: Scattering | None = None
     ) -> None:

@@ -28,6 +28,8 @@ class RoughDielectric(BSDF):
     Raises ValueError for another mode, for an eta of 1 (no interface), or for a scattering that cannot cross a surface.
     """
 
+    sources = ("Heitz2014", "Walter2007")
+
     def __init__(
         self,
         distribution: MicrofacetDistribution,

@@ -19,6 +19,8 @@ class RoughDiffuse(BSDF):
     order included: the facet is drawn. Raises ValueError if the albedo is outside its range.
     """
 
+    sources = ("Heitz2014", "HeitzDupuy2015")
+
     reflectance: Tensor
     """The albedo of a facet, (*batch C); `albedo` is what the whole surface reflects."""
 

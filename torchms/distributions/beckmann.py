@@ -58,6 +58,8 @@ class Beckmann(EllipticDistribution):
     Raises ValueError outside that range.
     """
 
+    sources = ("Walter2007",)
+
     def normal_density(self, m: Vec3) -> Tensor:
         slope2, scale = self.density_parts(m)
         return torch.exp(-slope2) * scale

@@ -19,6 +19,8 @@ class GGX(EllipticDistribution):
     Raises ValueError outside that range.
     """
 
+    sources = ("Walter2007", "Dupuy2023")
+
     def normal_density(self, m: Vec3) -> Tensor:
         # [Walter2007] Eq. 33, stretched: D = 1 / (π α_x α_y (x²/α_x² + y²/α_y² + z²)²) for a unit m. Multiplying the
         # parenthesis by α_x α_y keeps the powers of a small α apart in float32.

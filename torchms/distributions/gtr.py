@@ -20,6 +20,8 @@ class GTR(MicrofacetDistribution):
     Raises ValueError outside the ranges.
     """
 
+    sources = ("Burley2012", "Dimov2015")
+
     alpha: Tensor
     gamma: Tensor
 

@@ -12,6 +12,8 @@ class HeightWalk(PathTracer):
     `attached`: see `PathTracer`; the default is right.
     """
 
+    sources = ("Heitz2016",)
+
     is_unbiased = True
     is_reciprocal = True
 

@@ -11,6 +11,8 @@ class SingleBounce(PathTracer):
     out); the diffuse facet is drawn.
     """
 
+    sources = ("Heitz2014",)
+
     is_unbiased = True
     is_reciprocal = True
 

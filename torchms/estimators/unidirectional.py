@@ -11,6 +11,8 @@ class Unidirectional(PathTracer):
     ValueError when it is put into a dielectric with `Invariance`, which knows one side of the surface only.
     """
 
+    sources = ("Wang2022",)
+
     def __init__(self, segment: Segment, max_order: int = 8, attached: bool | None = None) -> None:
         if not isinstance(segment, Segment):
             raise TypeError(

@@ -23,6 +23,8 @@ class Correlated(Segment):
     Not reciprocal [Wang2022, Eqs. 25–26].
     """
 
+    sources = ("Wang2022",)
+
     is_reciprocal = False
     transmits = True
     is_exact_once = True

@@ -24,6 +24,8 @@ class Invariance(Segment):
     count 1. Mirrors never turn an upgoing ray down, so only the two outer splits survive: the recursion of [Cui2023].
     """
 
+    sources = ("Cui2023",)
+
     is_reciprocal = True
     transmits = False
     is_exact = True
