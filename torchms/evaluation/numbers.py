@@ -151,7 +151,7 @@ def flat_rows(tensor: Tensor, batch: torch.Size, trailing: int) -> Tensor:
         return tensor.reshape(1, *tail)
     if len(batch) == 1 and head == batch:
         return tensor
-    return tensor.expand(*batch, *tail).reshape(batch.numel(), *tail)
+    return tensor.expand((*batch, *tail)).reshape(batch.numel(), *tail)
 
 
 def split_rows(tensor: Tensor, sizes: Sequence[int]) -> Sequence[Tensor]:
