@@ -199,6 +199,11 @@ IN F m_sqrt(F x) {
     const F t = s + 0.5f * r * (x - s * s);
     return (F)_mm512_mask_mov_ps((__m512)t, _mm512_fpclass_ps_mask((__m512)x, 0x0e), (__m512)x);
 }
+IN F m_inverse_root(F x) {
+    const __m512 r = _mm512_rsqrt14_ps((__m512)x);
+    const F s = (F)r + 0.5f * (F)r * (1 - x * (F)r * (F)r);
+    return (F)_mm512_mask_mov_ps((__m512)s, _mm512_fpclass_ps_mask((__m512)x, 0x0e), r);
+}
 #else
 IN F quotient(F a, F b) { return a / b; }
 #if BYTES == 64 && !WIDE
@@ -210,6 +215,9 @@ IN F m_sqrt(F x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_sqrtf(x[i]);
 #endif
 #endif
 IN D quotient(D a, D b) { return a / b; }
+#if !(BYTES == 64 && FAST && !WIDE)
+IN F m_inverse_root(F x) { return 1 / m_sqrt(x); }
+#endif
 #if BYTES == 64
 IN D m_sqrt(D x) {
     union { D whole; __m512d part[sizeof(D) / 64]; } u{x};
