@@ -10,7 +10,23 @@ from torchms.machine.program import KINDS, Number, Program
 
 UNARY = frozenset(
     (
-        *("neg", "abs", "sqrt", "exp", "exp2", "expm1", "log", "log2", "log1p", "sin", "cos", "tan", "asin", "acos", "atan"),
+        *(
+            "neg",
+            "abs",
+            "sqrt",
+            "exp",
+            "exp2",
+            "expm1",
+            "log",
+            "log2",
+            "log1p",
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+        ),
         *("sinh", "cosh", "tanh", "erf", "floor", "ceil", "trunc"),
     )
 )
