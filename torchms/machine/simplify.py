@@ -17,7 +17,8 @@ def simplified(program: Program, fast: bool) -> Program:
     moved: dict[int, int] = {}
     needed = program.needed()
     for value, operation in enumerate(program.operations):
-        if value in same or not needed[value]:
+        # Columns keep their numbers, also those that nothing is made of.
+        if operation.name != "column" and (value in same or not needed[value]):
             continue
         taken = program.taken(operation)
         operands = [moved[_final(same, v)] for v in taken]
