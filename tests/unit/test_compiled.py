@@ -21,7 +21,7 @@ from torchms import (
 )
 from torchms.approximations import AlbedoTable
 from torchms.bsdfs import compile as compiled
-from torchms.evaluation import program
+from torchms.evaluation import engine, program
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = 64
@@ -34,6 +34,7 @@ def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts for a thread so small that batches need several of them."""
     if compiled._missing_compiler():
         pytest.skip("torchms.compile needs a C++ compiler")
+    monkeypatch.setattr(engine, "_programs", {})
     for name in ("PIECE", "ELEMENTS", "PATHS"):
         monkeypatch.setattr(program, name, SMALL)
 

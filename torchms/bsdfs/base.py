@@ -161,15 +161,13 @@ class BSDF(Parametric, ABC):
         float16 and bfloat16 arguments are widened to float32, also under `torch.autocast`. Raises ValueError if a shape
         or a device does not fit, or `block` is not above 0 or given to compiled code, TypeError for a dtype that does not.
         """
-        exact = self.scattering.is_deterministic(self.vertex)
-        return self._run(kernels.FORWARD, {"wi": wi, "wo": wo}, u, block, optional=exact)[0]
+        return self._run(kernels.FORWARD, {"wi": wi, "wo": wo}, u, block)[0]
 
     def orders(
         self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None
     ) -> Orders:
         """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
-        exact = self.scattering.is_deterministic(self.vertex)
-        return self._run(kernels.ORDERS, {"wi": wi, "wo": wo}, u, block, optional=exact)[0]
+        return self._run(kernels.ORDERS, {"wi": wi, "wo": wo}, u, block)[0]
 
     def sample(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> DirectionSample:
         """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
@@ -180,7 +178,7 @@ class BSDF(Parametric, ABC):
 
     def pdf(self, wi: Direction, wo: Direction, *, block: int | None = None) -> Scalar:
         """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
-        return self._run(kernels.PDF, {"wi": wi, "wo": wo}, None, block, optional=True)[0]
+        return self._run(kernels.PDF, {"wi": wi, "wo": wo}, None, block)[0]
 
     def sample_walk(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> WalkSample:
         """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
@@ -198,20 +196,23 @@ class BSDF(Parametric, ABC):
         return Albedo(*self._run(kernels.ALBEDO, {"wi": wi}, u, block))
 
     def _run(
-        self,
-        kernel: Kernel,
-        directions: dict[str, Tensor],
-        u: Tensor | Stream | None,
-        block: int | None,
-        *,
-        optional: bool = False,
+        self, kernel: Kernel, directions: dict[str, Tensor], u: Tensor | Stream | None, block: int | None
     ) -> tuple[Tensor, ...]:
         """`kernel` by the engine, or in blocks, after all that is given has been looked at."""
+        engine = self.engine
+        if (
+            engine is not None
+            and block is None
+            and (recent := engine.recent(kernel, self, tuple(directions.values()), u))
+        ):
+            check_values(self, directions, u if kernel.draws(self) else None)
+            return engine.again(recent, tuple(directions.values()), u)
         for name, w in directions.items():
             check_direction(w, name)
         n_uniforms = self.n_uniforms
+        optional = not kernel.draws(self)
         check_random(u, n_uniforms, optional, kernel.name)
-        check_block(block, self.engine is not None, kernel.name)
+        check_block(block, engine is not None, kernel.name)
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
         if optional:
             u = None
@@ -222,6 +223,6 @@ class BSDF(Parametric, ABC):
         given = [widened(w) for w in directions.values()]
         numbers = source(u, n_uniforms, self.dtype)
         with own_precision(given[0]):
-            if self.engine is not None:
-                return self.engine.run(kernel, surface, given, numbers)
+            if engine is not None:
+                return engine.run(kernel, surface, given, numbers)
             return blocks.run(kernel, surface, given, numbers, block)

@@ -28,7 +28,7 @@ def compile(bsdf: B, *, verbose: bool = True, exact: bool = False) -> B:
     eagerly, as everything is under `torch.func` and for tensors that are not on the CPU.
     exact: products and sums are rounded one by one, quotients and roots correctly, as in eager mode; without it they are
     within a few units in the last place of that, and faster.
-    Where no C++ compiler works, warns once and gives back a BSDF that runs eagerly in blocks.
+    Where no C++ compiler works, or the parameters are not on the CPU, warns once and gives back a BSDF that runs eagerly.
     Raises TypeError if `bsdf` is not a BSDF.
     """
     if not isinstance(bsdf, BSDF):
@@ -43,6 +43,14 @@ def compile(bsdf: B, *, verbose: bool = True, exact: bool = False) -> B:
             stacklevel=2,
         )
         return fast
+    elsewhere = sorted({x.device.type for x in (*bsdf.parameters(), *bsdf.buffers())} - {"cpu"})
+    if elsewhere:
+        warnings.warn(
+            f"torchms.compile: parameters are on {', '.join(elsewhere)}, and machine code is for the CPU; the BSDF runs eagerly. "
+            "Move it with bsdf.cpu(), or compile the calls with torch.compile.",
+            RuntimeWarning,
+            stacklevel=2,
+        )
     fast.engine = Engine(verbose, exact)
     return fast
 

@@ -68,9 +68,14 @@ def _albedo(bsdf: "BSDF", wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
     return torch.stack(torch.broadcast_tensors(*reflected)), torch.stack(torch.broadcast_tensors(*transmitted))
 
 
-FORWARD = Kernel("forward", _forward)
-ORDERS = Kernel("orders", _orders)
+def _is_estimate(bsdf: "BSDF") -> bool:
+    """Whether a value is an estimate, not a number that is the same at every call."""
+    return not bsdf.scattering.is_deterministic(bsdf.vertex)
+
+
+FORWARD = Kernel("forward", _forward, draws=_is_estimate)
+ORDERS = Kernel("orders", _orders, draws=_is_estimate)
 SAMPLE = Kernel("sample", _sample, per_path=True)
-PDF = Kernel("pdf", _pdf)
+PDF = Kernel("pdf", _pdf, draws=lambda bsdf: False)
 WALK = Kernel("sample_walk", _walk, per_path=True)
 ALBEDO = Kernel("albedo", _albedo)

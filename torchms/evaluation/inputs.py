@@ -43,29 +43,32 @@ class Inputs:
     @staticmethod
     def of(bsdf: Parametric, batch: torch.Size, directions: Sequence[Tensor], source: Source) -> "Inputs":
         """Those of a call."""
-        tensors: list[Tensor] = []
-        inputs: list[Input] = []
+        return Inputs.with_rest(bsdf, batch, directions, source, _rest(bsdf, batch))
 
-        def add(role: str, name: str, x: Tensor, *columns: int) -> None:
+    @staticmethod
+    def with_rest(
+        bsdf: Parametric,
+        batch: torch.Size,
+        directions: Sequence[Tensor],
+        source: Source,
+        rest: Sequence[tuple[Input, Tensor]],
+    ) -> "Inputs":
+        """Those of a call whose BSDF has the inputs `rest`."""
+        tensors = [flat_rows(d, batch, 1) for d in directions]
+        inputs = [Input("direction", "", d.dtype, (3,)) for d in tensors]
+
+        def add(role: str, x: Tensor, *columns: int) -> None:
             tensors.append(x)
-            inputs.append(Input(role, name, x.dtype, columns))
+            inputs.append(Input(role, "", x.dtype, columns))
 
-        for d in directions:
-            add("direction", "", flat_rows(d, batch, 1), 3)
         counters: tuple[Column, ...] = ()
         flat = source.flattened(batch, directions[0].device)
         if isinstance(flat, Given):
-            add("number", "", flat.u, flat.n_uniforms)
+            add("number", flat.u, flat.n_uniforms)
         elif isinstance(flat, Streamed):
             counters = _counters(flat, add)
-        for name, (record, value) in parameters(bsdf).items():
-            tail = value.shape[-1:] if record.channels else ()
-            if record.batch(value).numel() == 1:
-                add("shared", name, value.reshape(tail), *tail)
-            else:
-                add("map", name, flat_rows(value, batch, len(tail)), *tail)
-        for name, value in weights(bsdf).items():
-            add("shared", name, value, *value.shape)
+        inputs += [entry for entry, _ in rest]
+        tensors += [x for _, x in rest]
         return Inputs(bsdf, tensors, inputs, batch.numel(), flat, counters)
 
     def with_tensors(self, tensors: Sequence[Tensor]) -> "Inputs":
@@ -119,11 +122,28 @@ class Inputs:
 
     def shared(self) -> list[Tensor]:
         """The tensors that all elements share, one number after the other."""
-        return [
-            x.detach().contiguous()
-            for x, entry in zip(self.tensors, self.inputs, strict=True)
-            if entry.role == "shared"
-        ]
+        shared = (x for x, entry in zip(self.tensors, self.inputs, strict=True) if entry.role == "shared")
+        return [x if x.is_contiguous() else x.detach().contiguous() for x in shared]
+
+    @property
+    def rest(self) -> list[tuple[Input, Tensor]]:
+        """The parameters of the BSDF and its other tensors."""
+        return [(entry, x) for entry, x in zip(self.inputs, self.tensors, strict=True) if entry.name]
+
+
+def _rest(bsdf: Parametric, batch: torch.Size) -> list[tuple[Input, Tensor]]:
+    """The parameters of a BSDF and its other tensors."""
+    found = []
+    for name, (record, value) in parameters(bsdf).items():
+        tail = value.shape[-1:] if record.channels else torch.Size(())
+        if record.batch(value).numel() == 1:
+            x = value if value.shape == tail else value.reshape(tail)
+            found.append((Input("shared", name, value.dtype, tuple(tail)), x))
+        else:
+            found.append((Input("map", name, value.dtype, tuple(tail)), flat_rows(value, batch, len(tail))))
+    for name, value in weights(bsdf).items():
+        found.append((Input("shared", name, value.dtype, tuple(value.shape)), value))
+    return found
 
 
 def _counters(flat: Streamed, add: Callable[..., None]) -> tuple[Column, ...]:
@@ -132,9 +152,9 @@ def _counters(flat: Streamed, add: Callable[..., None]) -> tuple[Column, ...]:
     paths = Column(0, 0, 1, flat.taken.start)
     points = flat.stream._points(flat.n_uniforms, flat.taken, flat.device or torch.device("cpu"))
     if points is not None:
-        add("point", "", points, len(points))
+        add("point", points, len(points))
     if isinstance(seeds, Tensor):
-        add("seed", "", seeds)
+        add("seed", seeds)
         return (paths,)
     assert isinstance(seeds, range) and isinstance(flat.stream.seed, int)
     return (paths, Column(0, 1, 0, (flat.stream.seed << 32) + seeds.start))

@@ -15,6 +15,8 @@ class Source(ABC):
 
     n_paths: int
     n_uniforms: int
+    given: Tensor | Stream | None = None
+    """What a public method was given."""
     batch_shape: torch.Size
     """What the source itself broadcasts to a batch."""
 
@@ -59,12 +61,14 @@ class Given(Source):
     """A tensor (*batch, N, D)."""
 
     def __init__(self, u: Tensor) -> None:
-        self.u = u
+        self.u = self.given = u
         self.n_paths, self.n_uniforms = u.shape[-2:]
         self.batch_shape = u.shape[:-2]
 
     def flattened(self, batch: torch.Size, device: torch.device) -> "Given":
-        return Given(flat_rows(self.u, batch, 2))
+        flat = Given(flat_rows(self.u, batch, 2))
+        flat.given = self.given
+        return flat
 
     def rows(self, sizes: Sequence[int]) -> list[Source]:
         return [Given(u) for u in split_rows(self.u, sizes)]
@@ -93,7 +97,7 @@ class Streamed(Source):
         paths: slice | None = None,
         device: torch.device | None = None,
     ) -> None:
-        self.stream, self.n_uniforms, self.dtype = stream, n_uniforms, dtype
+        self.stream, self.n_uniforms, self.dtype, self.given = stream, n_uniforms, dtype, stream
         self.seeds, self.device = seeds, device
         self.taken = slice(0, stream.n_paths) if paths is None else paths
         self.n_paths = self.taken.stop - self.taken.start
@@ -151,7 +155,7 @@ def flat_rows(tensor: Tensor, batch: torch.Size, trailing: int) -> Tensor:
         return tensor.reshape(1, *tail)
     if len(batch) == 1 and head == batch:
         return tensor
-    return tensor.expand(*batch, *tail).reshape(batch.numel(), *tail)
+    return tensor.expand((*batch, *tail)).reshape(batch.numel(), *tail)
 
 
 def split_rows(tensor: Tensor, sizes: Sequence[int]) -> Sequence[Tensor]:

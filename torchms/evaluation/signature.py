@@ -42,7 +42,7 @@ def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -
     Equal for two modules that differ in the values of their tensors only. What is told by its identity, because it cannot
     be compared, is added to `held`. Attributes named in `without` do not count.
     """
-    unseen = {*_OF_ANY_MODULE, *without}
+    unseen = {*OF_ANY_MODULE, *without}
     parametrized = parametrize.is_parametrized(part)
     tensors = {**part._buffers, **part._parameters}
     if parametrized:
@@ -59,7 +59,7 @@ def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -
     )
 
 
-_OF_ANY_MODULE = frozenset(vars(nn.Module()))
+OF_ANY_MODULE = frozenset(vars(nn.Module()))
 
 
 def _frozen(value: Any, held: list[Any]) -> Any:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from torchms.machine.build import built
 from torchms.machine.program import Program
+from torchms.machine.simplify import simplified
 from torchms.machine.source import source
 
 EACH, MEAN, TOTAL = 0, 1, 2
@@ -37,6 +38,7 @@ class Code:
     """The machine code of a program. exact: whether it rounds after every operation, as eager torch does."""
 
     def __init__(self, program: Program, exact: bool) -> None:
+        program = simplified(program, fast=not exact)
         library = built(source(program, fast=not exact), exact)
         integer, pointer = ctypes.c_int64, ctypes.c_void_p
         library.n_cells.restype = integer

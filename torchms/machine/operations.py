@@ -8,8 +8,29 @@ from torch import Tensor
 
 from torchms.machine.program import KINDS, Number, Program
 
-UNARY = frozenset(["neg", "abs", "sqrt", "exp", "log", "sin", "cos", "tan", "atan", "tanh", "floor"])
-BINARY = {"mul": "mul", "div": "div", "maximum": "max", "minimum": "min"}
+UNARY = frozenset(
+    (
+        *(
+            "neg",
+            "abs",
+            "sqrt",
+            "exp",
+            "exp2",
+            "expm1",
+            "log",
+            "log2",
+            "log1p",
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+        ),
+        *("sinh", "cosh", "tanh", "erf", "floor", "ceil", "trunc"),
+    )
+)
+BINARY = {"mul": "mul", "div": "div", "maximum": "max", "minimum": "min", "atan2": "atan2"}
 BITS = {"bitwise_and": "and", "logical_and": "and", "__and__": "and", "bitwise_or": "or", "logical_or": "or"}
 BITS |= {"__or__": "or", "bitwise_xor": "xor", "logical_xor": "xor", "__xor__": "xor"}
 SHIFTS = {"__rshift__": "shr", "bitwise_right_shift": "shr", "__lshift__": "shl", "bitwise_left_shift": "shl"}

@@ -3,11 +3,11 @@
 #include <cstring>
 
 #if defined(__AVX512F__)
-constexpr int BYTES = 64;
+#define BYTES 64
 #elif defined(__AVX2__)
-constexpr int BYTES = 32;
+#define BYTES 32
 #else
-constexpr int BYTES = 16;
+#define BYTES 16
 #endif
 constexpr int LANES = BYTES / (WIDE ? 8 : 4);
 
@@ -91,46 +91,101 @@ IN D m_abs(D x) { return (D)((W)x & 0x7fffffffffffffffll); }
 
 template <class V, int N> union Parts { V whole; decltype(V{}[0] + V{}[0]) each[N]; };
 
-#define ONE(name, call) \
-    IN F m_##name(F x) { F y; for (int i = 0; i < LANES; i++) y[i] = call##f(x[i]); return y; } \
-    IN D m_##name(D x) { D y; for (int i = 0; i < LANES; i++) y[i] = call(x[i]); return y; }
-
-#if defined(__AVX512F__)
-typedef float F16 __attribute__((vector_size(64)));
-typedef float F8 __attribute__((vector_size(32)));
-typedef double D8 __attribute__((vector_size(64)));
-#define SLEEF1(name, sleef, precision) \
-    extern "C" F16 Sleef_##sleef##f16_##precision(F16); \
-    extern "C" F8 Sleef_##sleef##f8_##precision(F8); \
-    extern "C" D8 Sleef_##sleef##d8_##precision(D8);
-#if WIDE
-#define FLOAT_OF(sleef, precision) Sleef_##sleef##f8_##precision
+// A function of Sleef takes a whole register: S floats, T doubles.
+#if BYTES == 64
+#define SLEEF_D(name, precision) Sleef_##name##d8_##precision
+#elif BYTES == 32
+#define SLEEF_D(name, precision) Sleef_##name##d4_##precision
 #else
-#define FLOAT_OF(sleef, precision) Sleef_##sleef##f16_##precision
+#define SLEEF_D(name, precision) Sleef_##name##d2_##precision
 #endif
-#define HALVES(sleef, precision, x) \
-    union { D whole; D8 part[sizeof(D) / 64]; } u{x}; \
-    for (auto& p : u.part) p = Sleef_##sleef##d8_##precision(p); \
-    return u.whole;
-#define FUNCTION(name, sleef, precision) \
-    SLEEF1(name, sleef, precision) \
-    IN F m_##name(F x) { return FLOAT_OF(sleef, precision)(x); } \
-    IN D m_##name(D x) { HALVES(sleef, precision, x) }
+#if BYTES == 64 && !WIDE
+#define SLEEF_F(name, precision) Sleef_##name##f16_##precision
+typedef float S __attribute__((vector_size(64)));
+#elif BYTES == 64 || (BYTES == 32 && !WIDE)
+#define SLEEF_F(name, precision) Sleef_##name##f8_##precision
+typedef float S __attribute__((vector_size(32)));
 #else
-#error "not yet"
+#define SLEEF_F(name, precision) Sleef_##name##f4_##precision
+typedef float S __attribute__((vector_size(16)));
+#endif
+typedef double T __attribute__((vector_size(BYTES)));
+#define FUNCTION(name, sleef, precision) \
+    extern "C" S SLEEF_F(sleef, precision)(S); \
+    extern "C" T SLEEF_D(sleef, precision)(T); \
+    IN F m_##name(F x) { \
+        S s{}; \
+        std::memcpy(&s, &x, sizeof x); \
+        s = SLEEF_F(sleef, precision)(s); \
+        std::memcpy(&x, &s, sizeof x); \
+        return x; \
+    } \
+    IN D m_##name(D x) { \
+        for (int k = 0; k < int(sizeof(D) / BYTES); k++) { \
+            T s; \
+            std::memcpy(&s, (char*)&x + k * BYTES, BYTES); \
+            s = SLEEF_D(sleef, precision)(s); \
+            std::memcpy((char*)&x + k * BYTES, &s, BYTES); \
+        } \
+        return x; \
+    }
+#define FUNCTION2(name, sleef, precision) \
+    extern "C" S SLEEF_F(sleef, precision)(S, S); \
+    extern "C" T SLEEF_D(sleef, precision)(T, T); \
+    IN F m_##name(F x, F y) { \
+        S s{}, t{}; \
+        std::memcpy(&s, &x, sizeof x); std::memcpy(&t, &y, sizeof y); \
+        s = SLEEF_F(sleef, precision)(s, t); \
+        std::memcpy(&x, &s, sizeof x); \
+        return x; \
+    } \
+    IN D m_##name(D x, D y) { \
+        for (int k = 0; k < int(sizeof(D) / BYTES); k++) { \
+            T s, t; \
+            std::memcpy(&s, (char*)&x + k * BYTES, BYTES); std::memcpy(&t, (char*)&y + k * BYTES, BYTES); \
+            s = SLEEF_D(sleef, precision)(s, t); \
+            std::memcpy((char*)&x + k * BYTES, &s, BYTES); \
+        } \
+        return x; \
+    }
+#define EACH(name) \
+    IN F m_##name(F x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name##f(x[i]); return x; } \
+    IN D m_##name(D x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name(x[i]); return x; }
+#if BYTES == 16 && !defined(__aarch64__)
+// torch has no Sleef for registers so short: one number after the other.
+#undef FUNCTION
+#undef FUNCTION2
+#define FUNCTION(name, sleef, precision) EACH(name)
+#define FUNCTION2(name, sleef, precision) \
+    IN F m_##name(F x, F y) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name##f(x[i], y[i]); return x; } \
+    IN D m_##name(D x, D y) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name(x[i], y[i]); return x; }
 #endif
 FUNCTION(exp, exp, u10)
+FUNCTION(exp2, exp2, u10)
+FUNCTION(expm1, expm1, u10)
 FUNCTION(log, log, u10)
+FUNCTION(log2, log2, u10)
+FUNCTION(log1p, log1p, u10)
 FUNCTION(sin, sin, u10)
 FUNCTION(cos, cos, u10)
 FUNCTION(tan, tan, u10)
+FUNCTION(asin, asin, u10)
+FUNCTION(acos, acos, u10)
 FUNCTION(atan, atan, u10)
+FUNCTION(sinh, sinh, u10)
+FUNCTION(cosh, cosh, u10)
 FUNCTION(tanh, tanh, u10)
-IN F m_floor(F x) { F y; for (int i = 0; i < LANES; i++) y[i] = __builtin_floorf(x[i]); return y; }
-IN D m_floor(D x) { D y; for (int i = 0; i < LANES; i++) y[i] = __builtin_floor(x[i]); return y; }
+FUNCTION(erf, erf, u10)
+FUNCTION2(atan2, atan2, u10)
+FUNCTION2(pow, pow, u10)
+EACH(floor)
+EACH(ceil)
+EACH(trunc)
 
+#if BYTES == 64
 #include <immintrin.h>
-#if FAST && !WIDE
+#endif
+#if BYTES == 64 && FAST && !WIDE
 // 1 / b by an estimate of 14 bits and one step of Newton's; for 0 and infinity the estimate is right, and the step is not.
 IN F inverse(F b) {
     const __m512 r = _mm512_rcp14_ps((__m512)b);
@@ -144,20 +199,34 @@ IN F m_sqrt(F x) {
     const F t = s + 0.5f * r * (x - s * s);
     return (F)_mm512_mask_mov_ps((__m512)t, _mm512_fpclass_ps_mask((__m512)x, 0x0e), (__m512)x);
 }
+IN F m_inverse_root(F x) {
+    const __m512 r = _mm512_rsqrt14_ps((__m512)x);
+    const F s = (F)r + 0.5f * (F)r * (1 - x * (F)r * (F)r);
+    return (F)_mm512_mask_mov_ps((__m512)s, _mm512_fpclass_ps_mask((__m512)x, 0x0e), r);
+}
 #else
 IN F quotient(F a, F b) { return a / b; }
-#if WIDE
+#if BYTES == 64 && !WIDE
+IN F m_sqrt(F x) { return (F)_mm512_sqrt_ps((__m512)x); }
+#elif BYTES == 64
 IN F m_sqrt(F x) { return (F)_mm256_sqrt_ps((__m256)x); }
 #else
-IN F m_sqrt(F x) { return (F)_mm512_sqrt_ps((__m512)x); }
+IN F m_sqrt(F x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_sqrtf(x[i]); return x; }
 #endif
 #endif
 IN D quotient(D a, D b) { return a / b; }
+#if !(BYTES == 64 && FAST && !WIDE)
+IN F m_inverse_root(F x) { return 1 / m_sqrt(x); }
+#endif
+#if BYTES == 64
 IN D m_sqrt(D x) {
     union { D whole; __m512d part[sizeof(D) / 64]; } u{x};
     for (auto& p : u.part) p = _mm512_sqrt_pd(p);
     return u.whole;
 }
+#else
+IN D m_sqrt(D x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_sqrt(x[i]); return x; }
+#endif
 
 // Σ a_i b_i in four sums side by side, which do not wait for each other.
 template <class V, class T> static __attribute__((noinline)) V dot(const V* a, const T* b, int64_t step, int64_t count) {
