@@ -54,7 +54,7 @@ class GTR(MicrofacetDistribution):
         below = w.z < 0
         # Not abs(): its gradient at the horizon is 0.
         z = torch.where(below, -w.z, w.z)
-        if self.alpha.dtype == torch.float32 and self.alpha.numel() == 1 == self.gamma.numel():
+        if self.alpha.dtype == torch.float32 and self.alpha.ndim == 0 == self.gamma.ndim:
             down = downward_area_by_spline(self.alpha, self.gamma, z, w.x * w.x + w.y * w.y)
         else:
             down = downward_area(incidence(self.alpha, self.gamma, w))

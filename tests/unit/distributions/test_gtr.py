@@ -282,3 +282,17 @@ def test_the_spline_of_float32_is_the_sum(gamma):
         assert float((value - exact).abs().max()) < 2e-6
         for slope, other in zip(slopes, expected, strict=True):
             torch.testing.assert_close(slope, other, rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("case", [(0.01, 10.0), (0.01, 0.01), (1.0, 1.0), (1.0, 2.0), (0.1, 5.0)], ids=str)
+def test_the_spline_is_finite_everywhere(case):
+    """One α and one γ in float32: at the poles, at the horizon and beside them."""
+    thetas = [0.0, 1e-9, 1e-5, 0.5, 1.5699, math.pi / 2, 1.571, 2.0, math.pi - 1e-3, math.pi - 1e-7, math.pi]
+    w = torch.stack([direction(t, 0.7, torch.float32) for t in thetas])
+    w = torch.cat([w, torch.tensor([[0.6, 0.8, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])]).requires_grad_()
+    leaves = [torch.tensor(x, dtype=torch.float32, requires_grad=True) for x in case]
+    surface = GTR(*leaves)
+    for value in (surface.Lambda(w), surface.D_visible(w, w.detach())):
+        assert value.isfinite().all()
+        for gradient in torch.autograd.grad(value.sum(), (w, *leaves)):
+            assert gradient.isfinite().all()
