@@ -28,7 +28,7 @@ LAYERS = (
     ("parameters.declared", "parameters.exchange", "parameters.maps"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
-    ("sampling.warps", "sampling.uniforms", "sampling.stream"),
+    ("sampling.warps", "sampling.uniforms", "sampling.point_sets", "sampling.stream"),
     ("paths",),
     ("sampling.proposals",),
     # The sum over bounces, estimated or approximated; a surface.
@@ -107,6 +107,32 @@ def test_imports_inside_a_layer_have_no_cycle():
         if module_name(path) and level(module_name(path)) == level(other)
     }
     assert not [(a, b) for a, b in arrows if a < b and (b, a) in arrows]
+
+
+LONGEST_FILE, LONGEST_FUNCTION = 250, 50
+"""Lines; of a function those of its body, without its docstring."""
+
+LONG = {
+    "maths/special.py": "tables of coefficients, which a program writes",
+    "microsurface/rays/embree_kernels.py:resolve": "a kernel of Numba: a call in its loop over rays would copy the state",
+    "microsurface/rays/grid_walk_kernel.py:walk": "a kernel of Numba: the walk's state is twenty numbers in registers",
+}
+"""What is longer, and why."""
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=[str(p.relative_to(PACKAGE)) for p in SOURCES])
+def test_one_idea_a_file(path):
+    """A file is short enough to be read at once, and a function fits on a screen."""
+    name = path.relative_to(PACKAGE).as_posix()
+    source = path.read_text()
+    found = {name: len(source.splitlines()) - LONGEST_FILE}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef):
+            body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+            lines = (node.end_lineno or 0) - body[0].lineno + 1 if body else 0
+            found[f"{name}:{node.name}"] = lines - LONGEST_FUNCTION
+    too_long = {key: over for key, over in found.items() if over > 0 and key not in LONG}
+    assert not too_long, f"lines over the limit: {too_long}"
 
 
 def test_random_numbers_come_from_one_place():

@@ -3,7 +3,7 @@
 import math
 
 
-def parse_count(value: str | float, name: str, low: int) -> int:
+def parse_count(value: str | int | float, name: str, low: int) -> int:
     """A whole number that may be written as 1e6; ValueError if it is none or less than `low`."""
     try:
         number = float(value)
@@ -14,7 +14,7 @@ def parse_count(value: str | float, name: str, low: int) -> int:
     return int(number)
 
 
-def parse_alpha(value: str | float, alpha_y: float | None = None) -> list[float]:
+def parse_alpha(value: str | int | float, alpha_y: float | None = None) -> list[float]:
     """ "0.5" or "0.5,0.2", or α_y by itself, as [α] or [α_x, α_y]; ValueError otherwise."""
     try:
         values = [float(part) for part in str(value).split(",")]

@@ -37,28 +37,36 @@ class EnergyOptions(SurfaceOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulateOptions(SurfaceOptions):
+class ExplicitOptions(SurfaceOptions):
+    """What `simulate` and `figures` share: the explicit surfaces and how they are lit."""
+
+    distribution: Distribution = "beckmann"
+    """Distribution of the microfacet normals: those of a Gaussian surface are Beckmann's."""
+    phi: float = 0.0
+    """Azimuth of incidence, in radians."""
+    surfaces: int = 8
+    """Independent surfaces; the standard errors are their spread."""
+    size: int = 1024
+    """Texels along each edge of a surface."""
+    seed: int = 0
+    """Seed of surfaces, light paths and random walks."""
+    force: bool = False
+    """Overwrite the output files if they exist."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulateOptions(ExplicitOptions):
     """Bounce light on the facets of an explicit microsurface and report what leaves after each bounce.
 
     Example: torchms simulate --material conductor --alpha 0.6 --theta 1.1 --rays 3e5 --json out.json
     """
 
-    distribution: Distribution = "beckmann"
-    """Distribution of the microfacet normals: those of a Gaussian surface are Beckmann's."""
     theta: float = 0.0
     """Angle of incidence from the macro-normal, in radians, in [0, pi/2)."""
-    phi: float = 0.0
-    """Azimuth of incidence, in radians."""
     rays: Count = 1e6
     """Light paths in all, shared among the surfaces."""
     max_order: int = 16
     """Bounces that are told apart; what is still inside after them is reported as lost (below 1e-4 for 16)."""
-    seed: int = 0
-    """Seed of surfaces and light paths."""
-    surfaces: int = 8
-    """Independent surfaces; the standard errors are their spread."""
-    size: int = 1024
-    """Texels along each edge of a surface."""
     texels_per_correlation: float = 16.0
     """Texels in one correlation length."""
     surface: Path | None = None
@@ -81,43 +89,29 @@ class SimulateOptions(SurfaceOptions):
     """Where to write the result as JSON."""
     lobes: Path | None = None
     """Where to write the directional histograms as .npz (arrays mean and stderr)."""
-    force: bool = False
-    """Overwrite the output files if they exist."""
     progress: bool = True
     """Progress bar, if standard error is a terminal."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class FiguresOptions(SurfaceOptions):
+class FiguresOptions(ExplicitOptions):
     """Draw the lobes in the plane of incidence per bounce: explicit surface against the models.
 
     Example: torchms figures --material conductor --alpha 0.5 --out figures
     """
 
-    distribution: Distribution = "beckmann"
-    """Distribution of the microfacet normals: those of a Gaussian surface are Beckmann's."""
     theta: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5)
     """Angles of incidence, in radians; a column each."""
-    phi: float = 0.0
-    """Azimuth of incidence, in radians."""
     rays: Count = 2e6
     """Simulated light paths an angle."""
     walks: Count = 5e5
     """Random walks a model and angle."""
-    surfaces: int = 8
-    """Independent surfaces; the grey band is twice their standard error."""
-    size: int = 1024
-    """Texels along each edge of a surface."""
     max_order: int = 10
     """Bounces that are told apart."""
-    seed: int = 0
-    """Seed of everything."""
     tracer: Literal["embree", "grid"] = "grid"
     """Embree, or the float64 walk over the heights, whose surfaces need no building."""
     out: Path = Path("figures")
     """Directory for the PNG, the SVG and the JSON."""
-    force: bool = False
-    """Overwrite them if they exist."""
 
 
 @dataclass(frozen=True)

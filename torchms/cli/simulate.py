@@ -10,7 +10,7 @@ import torch
 from torchms.bsdfs import BSDF
 from torchms.cli.arguments import check_angles, parse_alpha, parse_count
 from torchms.cli.description import described
-from torchms.cli.options import FiguresOptions, SimulateOptions
+from torchms.cli.options import ExplicitOptions, SimulateOptions
 from torchms.fresnel import Conductor
 from torchms.lobes.tally import Tally
 from torchms.maths.frame import direction
@@ -78,7 +78,7 @@ def parts_of(options: SimulateOptions) -> tuple[Heightfield | GaussianSurfaces, 
     return surface, facets_of(bsdf) if options.bsdf is not None else facets_by_name(options)
 
 
-def exactly_described(options: SimulateOptions | FiguresOptions) -> BSDF:
+def exactly_described(options: ExplicitOptions) -> BSDF:
     """The BSDF that the options describe, in float64: a simulation takes the very numbers that were written."""
     before = torch.get_default_dtype()
     torch.set_default_dtype(torch.float64)

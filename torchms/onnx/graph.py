@@ -14,7 +14,8 @@ from torchms.evaluation import blocks
 from torchms.evaluation.numbers import source
 from torchms.parameters.declared import Parameter
 from torchms.parameters.exchange import declarations, parameters, weights, with_parameters
-from torchms.sampling.stream import BITS, Stream, sobol
+from torchms.sampling.point_sets import BITS, sobol
+from torchms.sampling.stream import Stream
 
 WHATS = ("forward", "orders", "sample", "pdf")
 UNIFORMS = ("input", "sobol", "seed")
