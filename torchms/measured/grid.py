@@ -12,17 +12,17 @@ def cell(x: Tensor, n: int) -> tuple[Tensor, Tensor]:
 
 
 class Stack:
-    """Weights of two neighbouring grids of a stack: where a parameter falls between the `knots` it was measured at.
+    """Weights of two neighbouring grids of a stack: where a parameter falls between the `positions` of the grids.
 
     A parameter beyond the ends takes the last grid.
     """
 
-    def __init__(self, knots: Tensor, value: Tensor) -> None:
-        n = len(knots)
-        self.low = (torch.searchsorted(knots, value.detach().contiguous(), right=True) - 1).clamp(0, max(n - 2, 0))
+    def __init__(self, positions: Tensor, value: Tensor) -> None:
+        n = len(positions)
+        self.low = (torch.searchsorted(positions, value.detach().contiguous(), right=True) - 1).clamp(0, max(n - 2, 0))
         self.high = (self.low + 1).clamp_max(n - 1)
-        step = knots[self.high] - knots[self.low]
-        way = (value - knots[self.low]) / torch.where(step > 0, step, 1.0)
+        step = positions[self.high] - positions[self.low]
+        way = (value - positions[self.low]) / torch.where(step > 0, step, 1.0)
         self.way = way.clamp(0, 1)
 
     def mix(self, take_low: Tensor, take_high: Tensor) -> Tensor:

@@ -43,8 +43,8 @@ def distribution_laws(
     def projected_area(w: Tensor) -> float:
         # [Heitz2016]: Λ(w) = σ(w) / w_z − 1 with σ(w) = ∫ ⟨w, m⟩ D(m) dm.
         area = sphere_cells(lambda m: facets.D(m) * (m @ w).clamp_min(0), tolerance=TOLERANCE * 0.1).sum()
-        ours = (1 + facets.Lambda(w)) * w[2]
-        return float((ours - area).abs() / (area.abs() + 0.1))
+        from_lambda = (1 + facets.Lambda(w)) * w[2]
+        return float((from_lambda - area).abs() / (area.abs() + 0.1))
 
     def antisymmetric() -> float:
         w = torch.stack([direction(t, p) for t in (0.1, 0.8, 1.3, 1.55) for p in (0.0, 0.7, 2.5)])

@@ -84,7 +84,7 @@ def slope_error(function: Callable[[Sequence[Tensor]], Tensor], at: Sequence[Ten
                 values[i].reshape(-1)[j] += sign * STEP * size
                 moved.append(function(values).detach())
             slope = (moved[0] - moved[1]) / (2 * STEP)
-            ours = columns[..., j] * size
-            error = (ours - slope).abs() / (scale.abs() + slope.abs() + 1e-9)
+            exact = columns[..., j] * size
+            error = (exact - slope).abs() / (scale.abs() + slope.abs() + 1e-9)
             worst = max(worst, float(error.nan_to_num(math.inf).max()))
     return worst
