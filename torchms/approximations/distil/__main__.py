@@ -34,11 +34,11 @@ class Options:
     """The file."""
     work: Path = Path("build/distil")
     """Folder of blocks of data and of checkpoints, one a set of options."""
-    blocks: int = 16
+    blocks: int = 18
     """Blocks of 65 536 surfaces and pairs of directions."""
     paths: tuple[int, int] = (16, 64)
     """Bidirectional paths of each for two and three bounces, and walks for more."""
-    steps: int = 8000
+    steps: int = 2000
     """Steps of Adam."""
     refinements: int = 40
     """Levenberg-Marquardt steps after them."""
@@ -48,7 +48,7 @@ class Options:
     """Units of the hidden layers; cost and accuracy follow them."""
     seed: int = 1
     """Seed of everything."""
-    held_out_points: int = 256
+    held_out_points: int = 128
     """Outgoing directions at which each held-out lobe is compared."""
     held_out_paths: tuple[int, int] = (128, 256)
     """Paths of either reference there."""
@@ -114,7 +114,7 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
         options.held_out_paths,
     )
     certificate = {
-        "command": "python -m torchms.approximations.distil " + " ".join(sys.argv[1:]),
+        "command": command(options),
         "torchms": __version__,
         "torch": torch.__version__,
         "commit": commit(),
@@ -144,6 +144,17 @@ def check(options: Options) -> None:
         raise ValueError(f"--widths must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {options.widths}.")
     if min(*options.paths, *options.held_out_paths) < 1:
         raise ValueError(f"--paths must be positive; got {options.paths} and {options.held_out_paths}.")
+
+
+def command(options: Options) -> str:
+    """What makes the same lobes again."""
+    default = Options()
+    words = ["python -m torchms.approximations.distil"]
+    for name, value in asdict(options).items():
+        if name not in ("out", "work", "force") and value != getattr(default, name):
+            numbers = value if isinstance(value, tuple) else (value,)
+            words.append(f"--{name.replace('_', '-')} {' '.join(map(str, numbers))}")
+    return " ".join(words)
 
 
 def commit() -> str:

@@ -7,6 +7,7 @@ from torchms.approximations.distil.rows import KINDS, Rows
 from torchms.bsdfs import RoughConductor
 from torchms.bsdfs.compile import compile
 from torchms.estimators import Bidirectional, Scattering, Unidirectional
+from torchms.fresnel import Ideal
 from torchms.fresnel.base import Fresnel
 from torchms.parameters.declared import channels_first
 from torchms.paths.segments import Invariance
@@ -53,11 +54,14 @@ def estimated(kind: str, rows: Rows, seed: int, n_paths: tuple[int, int]) -> Ten
 
 
 @torch.no_grad()
-def orders(kind: str, rows: Rows, seed: int, n_paths: tuple[int, int], delta: float = 0.0) -> Tensor:
-    """Estimates (n, 4) of f of the orders 1, 2, 3 and ≥ 4 [1/sr]."""
-    short = _estimate(kind, rows, Bidirectional(Invariance(), 3), Stream(seed, n_paths[0]), delta)
-    long = _estimate(kind, rows, Unidirectional(Invariance(), LONGEST), Stream(seed + 1, n_paths[1]), delta)
-    return torch.cat([short, long[:, 3:].sum(-1, keepdim=True)], -1)
+def orders(kind: str, rows: Rows, seed: int, n_paths: tuple[int, int]) -> Tensor:
+    """Estimates (n, 4) of f of the orders 1, 2, 3 and ≥ 4 [1/sr] with F = 1; eager, for a few rows."""
+    models = Bidirectional(Invariance(), 3), Unidirectional(Invariance(), LONGEST)
+    short, long = (
+        RoughConductor(KINDS[kind](rows.ax, rows.ay), Ideal(), model).orders(rows.wi, rows.wo, Stream(seed + i, n))
+        for i, (model, n) in enumerate(zip(models, n_paths, strict=True))
+    )
+    return torch.cat([short[..., 0], long[:, 3:, 0].sum(-1, keepdim=True)], -1) / rows.wo[:, 2:]
 
 
 def _both(kind: str, rows: Rows, scattering: Scattering, u: Stream) -> tuple[Tensor, Tensor]:
