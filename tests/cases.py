@@ -18,6 +18,7 @@ from torchms import (
     Beckmann,
     Bidirectional,
     Correlated,
+    Distilled,
     HeightWalk,
     Invariance,
     KullaConty,
@@ -69,6 +70,9 @@ COMPENSATIONS: dict[str, Callable[[int], Scattering]] = {
 }
 """Closed forms over tables, which only `ELLIPTIC` distributions have."""
 
+DISTILLATES: dict[str, Callable[[int], Scattering]] = {"distilled": lambda max_order: Distilled()}
+"""Learned sums over all bounces, of metal whose roughnesses lie within what they were learned for."""
+
 FRESNELS: dict[str, Callable[[], Fresnel]] = {
     "ideal": Ideal,
     "conductor": lambda: Conductor([0.2, 0.9, 1.2], [3.9, 2.5, 2.2]),
@@ -110,7 +114,7 @@ def bsdf(
 ) -> BSDF:
     """The BSDF of these names, with buffers of `dtype`."""
     facets = DISTRIBUTIONS[distribution](*alpha)
-    return MATERIALS[material](facets, {**SCATTERINGS, **COMPENSATIONS}[scattering](max_order)).to(dtype)
+    return MATERIALS[material](facets, {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}[scattering](max_order)).to(dtype)
 
 
 @functools.cache

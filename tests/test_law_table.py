@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cases import COMPENSATIONS, DISTRIBUTIONS, FRESNELS, HEAVY, MATERIALS, SCATTERINGS, SEGMENTS
+from cases import COMPENSATIONS, DISTILLATES, DISTRIBUTIONS, FRESNELS, HEAVY, MATERIALS, SCATTERINGS, SEGMENTS
 
 TESTS = Path(__file__).parent
 
 OBJECTS = {
     "distribution": set(DISTRIBUTIONS),
     "segment": set(SEGMENTS),
-    "scattering": {*SCATTERINGS, *COMPENSATIONS},
+    "scattering": {*SCATTERINGS, *COMPENSATIONS, *DISTILLATES},
     "bsdf": {material.partition("[")[0] for material in MATERIALS},
     "fresnel": set(FRESNELS),
 }
@@ -54,6 +54,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
     ("chi²", "scattering"): [
         "test_energy::test_walks_go_where_orders_say",
         "test_compensation::test_orders_walks_and_energies_agree",
+        "test_distilled::test_orders_walks_and_energies_agree",
     ],
     ("limit", "distribution"): [
         "test_distributions::test_equal_alphas_are_isotropic",
@@ -65,6 +66,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_limit::test_one_order_is_a_single_bounce",
         "test_limit::test_equal_alphas_are_isotropic",
         "test_compensation::test_first_order_is_the_single_bounce",
+        "test_distilled::test_first_order_is_the_single_bounce",
     ],
     ("symmetry", "distribution"): [
         "test_distributions::test_lambda_of_the_opposite_direction",
@@ -78,6 +80,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_reciprocity::test_reciprocity_in_expectation",
         "test_compensation::test_kulla_conty_is_reciprocal = kulla-conty",
         "test_compensation::test_turquin_is_not = turquin",
+        "test_distilled::test_reciprocity_and_the_symmetries_of_the_surface",
     ],
     ("symmetry", "bsdf"): [
         "test_reciprocity::test_one_bounce_is_reciprocal",
@@ -90,6 +93,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_furnace::test_the_furnace_is_white",
         "test_furnace::test_one_bounce_is_dark = single",
         "test_compensation::test_the_furnace_is_white",
+        "test_distilled::test_the_furnace_is_white",
     ],
     ("energy", "bsdf"): [
         "test_furnace::test_the_furnace_is_white",
@@ -108,6 +112,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_bidirectional::test_walks_go_where_it_says = bidirectional-correlated, bidirectional-invariance",
         "test_bidirectional::test_walks_go_where_it_says = bidirectional-uncorrelated",
         "test_compensation::test_orders_walks_and_energies_agree",
+        "test_distilled::test_lobes_are_those_of_the_exact_model",
     ],
     ("agreement", "bsdf"): ["test_reference_energy::test_biased_models_conserve_energy"],
     ("gradient", "distribution"): [
@@ -127,6 +132,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_finite::test_values_and_gradients_are_finite",
         "test_finite_everywhere::test_a_few_rows",
         "test_compensation::test_gradients_are_exact",
+        "test_distilled::test_gradients_are_exact",
     ],
     ("gradient", "bsdf"): [
         "test_gradient::test_gradcheck_at_fixed_numbers",
@@ -144,6 +150,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
     ("export", "scattering"): [
         "test_files::test_parity = single, correlated, height-walk",
         "test_files::test_parity_over_the_tables",
+        "test_distilled_export::test_a_file_is_eager",
     ],
     ("export", "bsdf"): ["test_files::test_parity = conductor, dielectric, diffuse"],
 }

@@ -38,7 +38,7 @@ LAYERS = (
     ("bsdfs",),
     # What is done with a surface.
     ("parameters.constrain", "citations"),
-    ("lobes", "testing", "render"),
+    ("lobes", "testing", "render", "approximations.distil"),
     ("microsurface", "onnx"),
     # The command line.
     ("cli", "__main__"),
@@ -187,7 +187,9 @@ def tabled() -> set[type]:
     objects: list[nn.Module] = [make(0.5) for make in cases.DISTRIBUTIONS.values()]
     objects += [segment() for segment in cases.SEGMENTS.values()]
     objects += [fresnel_term() for fresnel_term in cases.FRESNELS.values()]
-    objects += [make(2) for make in [*cases.SCATTERINGS.values(), *cases.COMPENSATIONS.values()]]
+    objects += [
+        make(2) for make in [*cases.SCATTERINGS.values(), *cases.COMPENSATIONS.values(), *cases.DISTILLATES.values()]
+    ]
     objects += [cases.bsdf(material, "single") for material in cases.MATERIALS]
     return {type(part) for thing in objects for part in thing.modules()}
 

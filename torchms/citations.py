@@ -109,6 +109,7 @@ BEHIND: dict[str, tuple[str, ...]] = {
     "HeightWalk": ("Heitz2016",),
     "KullaConty": ("KullaConty2017", "Hill2018"),
     "Turquin": ("Turquin2019",),
+    "Distilled": ("Wang2022", "Cui2023"),
 }
 """What a class, by its name, is made after; a class of which nothing is said here adds nothing."""
 

@@ -7,14 +7,13 @@ first order in the variation of F. The orders from 4 on fall off by a factor r e
     Σ_{k ≥ 4} (1 − r) r^{k−4} F^k = F⁴ (1 − r) / (1 − r F).
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from torchms.approximations.metal_features import FEATURES, above, features
+from torchms.approximations.metal_features import above, features
 from torchms.approximations.network import Layer, Network, soft_sign
 from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel.base import Fresnel
@@ -64,17 +63,3 @@ class MetalLobes(nn.Module):
         square = F4 * F4
         tail = square * square * ((1 - rest.fall) / (1 - rest.fall * F4))
         return [F2 * F2 * lobes[0], F3 * F3 * F3 * lobes[1], tail * lobes[2]]
-
-
-def untrained(widths: Sequence[int], generator: torch.Generator) -> tuple[list[Layer], Tensor]:
-    """Random weights of hidden layers of these widths, for a training to begin with."""
-    sizes = [FEATURES, *widths, OUTPUTS]
-    layers = []
-    for k, (n, m) in enumerate(zip(sizes, sizes[1:], strict=False)):
-        last = k == len(sizes) - 2
-        weight = torch.randn(m, n, generator=generator) * ((0.5 if last else 1.2) / math.sqrt(n))
-        offset = torch.zeros(m) if last else 0.5 * torch.randn(m, generator=generator)
-        if last:
-            offset[0] = -3.0
-        layers.append((weight, offset))
-    return layers, torch.zeros(OUTPUTS, FEATURES)

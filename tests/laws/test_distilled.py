@@ -1,0 +1,243 @@
+"""Distilled lobes: symmetries and energies by construction, and how close they are to the exact model."""
+
+import math
+
+import pytest
+import torch
+from cases import DISTILLATES, ELLIPTIC, TOLERANCES, bsdf, direction, directions, each
+from test_compensation import integral_of_rest
+from test_energy import by_cell, by_side, integrands, walked
+from test_finite import edges, numbers, parameters, results, rows_of
+from torch import Tensor
+
+from torchms import (
+    BSDF,
+    GGX,
+    GTR,
+    Bidirectional,
+    Distilled,
+    Invariance,
+    RoughConductor,
+    SingleBounce,
+    Stream,
+    Unidirectional,
+)
+from torchms.fresnel import Conductor, Ideal, Schlick
+from torchms.lobes import measure
+from torchms.testing import Estimate, p_value, reciprocity, zscore
+
+ALPHAS = ((0.03,), (0.1,), (0.25,), (0.5,), (1.0,), (0.5, 0.15), (1.0, 0.1), (1.0, 0.3), (0.03, 1.0))
+CELLS = [((0.5,), 0.5), ((1.0,), 1.0), ((0.5, 0.15), 1.0), ((1.0, 0.3), 0.5)]
+every = [each("scattering", DISTILLATES), each("distribution", ELLIPTIC)]
+
+
+def on_all(test):
+    """Parametrize over distilled model × distribution."""
+    for mark in every:
+        test = mark(test)
+    return test
+
+
+def turned(w: Tensor, x: float = 1.0, y: float = 1.0, swapped: bool = False) -> Tensor:
+    """`w` with its axes mirrored, or exchanged."""
+    found = w * torch.tensor([x, y, 1.0], dtype=w.dtype)
+    return found[..., [1, 0, 2]] if swapped else found
+
+
+@on_all
+def test_first_order_is_the_single_bounce(scattering, distribution, generator):
+    """To the bit; the value is the sum of all orders, without random numbers."""
+    surface, single = (
+        bsdf("conductor[conductor]", scattering, distribution),
+        bsdf("conductor[conductor]", "single", distribution),
+    )
+    wi, wo = directions(200, generator), directions(200, generator)
+    orders = surface.orders(wi, wo)
+    assert orders.shape[-2] == surface.max_order == 4 and (orders >= 0).all()
+    below = (wi[:, 2] <= 0) | (wo[:, 2] <= 0)
+    assert below.any() and (orders[below] == 0).all() and (orders[~below][:, 1:] > 0).all()
+    torch.testing.assert_close(orders[:, 0], single(wi, wo), rtol=0, atol=0)
+    torch.testing.assert_close(orders.sum(1), surface(wi, wo))
+
+
+@on_all
+def test_reciprocity_and_the_symmetries_of_the_surface(scattering, distribution, generator):
+    """Exchanged directions, mirrored axes, axes exchanged with their roughnesses: the same to rounding."""
+    wi, wo = directions(300, generator, 0.01), directions(300, generator, 0.01)
+    for alpha in ALPHAS:
+        surface = bsdf("conductor[conductor]", scattering, distribution, alpha)
+        there, back = reciprocity(surface, wi, wo)
+        torch.testing.assert_close(there.mean, back.mean, rtol=1e-9, atol=1e-15)
+        values = surface.orders(wi, wo)
+        exchanged = bsdf("conductor[conductor]", scattering, distribution, alpha[::-1])
+        for other, change in (
+            (surface, {"x": -1.0}),
+            (surface, {"y": -1.0}),
+            (exchanged, {"swapped": True}),
+        ):
+            same = other.orders(turned(wi, **change), turned(wo, **change))
+            torch.testing.assert_close(same, values, rtol=1e-9, atol=1e-12)
+
+
+@on_all
+def test_equal_roughnesses_are_isotropic(scattering, distribution, generator):
+    """α_x = α_y given twice is α given once, and turning both directions about the normal changes nothing."""
+    wi, wo = directions(200, generator, 0.01), directions(200, generator, 0.01)
+    turn = torch.tensor([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
+    for alpha in (0.05, 0.4, 1.0):
+        one = bsdf("conductor[conductor]", scattering, distribution, (alpha,))
+        two = bsdf("conductor[conductor]", scattering, distribution, (alpha, alpha))
+        torch.testing.assert_close(one.orders(wi, wo), two.orders(wi, wo), rtol=1e-9, atol=1e-12)
+        torch.testing.assert_close(one.orders(wi, wo), one.orders(wi @ turn.T, wo @ turn.T), rtol=1e-8, atol=1e-10)
+
+
+@on_all
+def test_the_furnace_is_white(scattering, distribution):
+    """Within the bound of the certificate, F = 1, over roughnesses, anisotropies and azimuths."""
+    off = {}
+    for alpha in ALPHAS:
+        surface = bsdf("conductor[ideal]", scattering, distribution, alpha)
+        azimuths = (0.0, 0.8, 1.5) if len(alpha) == 2 else (0.8,)
+        wi = torch.stack([direction(theta, phi) for theta in (0.0, 0.5, 1.0, 1.3, 1.5) for phi in azimuths])
+        first = first_energy(surface, wi)
+        rest = rest_energy(surface, wi)
+        off[alpha] = float((first + rest - 1).abs().max())
+    assert max(off.values()) < FURNACE, off
+
+
+FURNACE = 1e-3
+
+
+def first_energy(surface: BSDF, wi: Tensor) -> Tensor:
+    """Energy of one bounce (n), from Sobol paths."""
+    u = surface.uniforms((1,), 1 << 14, generator=torch.Generator().manual_seed(5), sequence="sobol")
+    return RoughConductor(surface.distribution, Ideal(), SingleBounce()).albedo(wi, u).reflected[:, 0, 0]
+
+
+def rest_energy(surface: BSDF, wi: Tensor) -> Tensor:
+    """∫ of all orders but the first over the hemisphere, by quadrature: (n,)."""
+    return torch.stack([integral_of_rest(_Shifted(surface, k), wi) for k in (1, 2, 3)]).sum(0)
+
+
+class _Shifted:
+    """`surface` with order k in second place."""
+
+    def __init__(self, surface: BSDF, k: int) -> None:
+        self.distribution, self.surface, self.k = surface.distribution, surface, k
+
+    def orders(self, wi: Tensor, wo: Tensor) -> Tensor:
+        return self.surface.orders(wi, wo)[..., self.k - 1 :, :]
+
+
+@on_all
+@pytest.mark.parametrize("alpha,theta", CELLS)
+def test_lobes_are_those_of_the_exact_model(alpha, theta, scattering, distribution, generator, seed):
+    """RMS of the lobe's error within 1 % of its RMS, by two references whose noise does not add to the error."""
+    surface = bsdf("conductor[ideal]", scattering, distribution, alpha, dtype=torch.float32)
+    exact = [
+        RoughConductor(surface.distribution, Ideal(), Bidirectional(Invariance(), 3)),
+        RoughConductor(surface.distribution, Ideal(), Unidirectional(Invariance(), 12)),
+    ]
+    n = 400
+    wi = direction(theta, 0.4, torch.float32).expand(n, 3)
+    wo = directions(n, generator, 0.0, torch.float32)
+    references = []
+    for half in (0, 1):
+        short = exact[0].orders(wi, wo, Stream(seed % 2**20 + half, 150))[..., 0]
+        long = exact[1].orders(wi, wo, Stream(seed % 2**20 + 2 + half, 500))[..., 0]
+        references.append(short.sum(-1) + long[:, 3:].sum(-1))
+    a, b = references
+    mine = surface(wi, wo)[..., 0]
+    product = (mine - a) * (mine - b)
+    size = (a * b).mean()
+    error, spread = float(product.mean() / size), float(product.std() / math.sqrt(n) / size)
+    # Four standard errors of the estimate, besides the bound.
+    assert error < LOBE**2 + 4 * spread, (math.sqrt(max(error, 0)), spread)
+    assert spread < LOBE**2, "the references are too noisy to judge"
+
+
+LOBE = 0.01
+
+
+@on_all
+def test_orders_walks_and_energies_agree(scattering, distribution, generator, seed, budget):
+    """∫ orders = sample_walk = albedo, by order; and cell by cell, for the walks."""
+    surface = bsdf("conductor[conductor]", scattering, distribution)
+    wi = direction(0.9)
+    tally = measure(surface, wi, n_paths=40_000, seed=seed, progress=False)
+    sides = (
+        torch.stack([tally.reflected, tally.transmitted]),
+        torch.stack([tally.reflected_stderr, tally.transmitted_stderr]),
+    )
+    energy = Estimate(*sides, tally.n)
+    found, walks = integrands(surface, wi, 40_000, generator), walked(surface, wi, 40_000, generator)
+    p = [p_value(zscore(by_side(wo, values, wi), energy)) for wo, values in (found, walks)]
+    a, b = by_cell(*found), by_cell(*walks)
+    resolved = (a.stderr < 0.1 * a.mean) & (b.stderr < 0.1 * b.mean)
+    assert b.mean[resolved].sum() > 0.9 * b.mean.sum()
+    budget(torch.cat([*(x.reshape(-1) for x in p), p_value(zscore(b, a))[resolved]]))
+
+
+@on_all
+def test_values_and_gradients_are_finite(scattering, distribution, generator):
+    """At the pole, the horizon and beyond, at the ends of the range, in both precisions."""
+    bad = []
+    for dtype in TOLERANCES:
+        for alpha in ((0.03,), (0.3,), (1.0,), (1.0, 0.03)):
+            surface = bsdf("conductor[conductor]", scattering, distribution, alpha, dtype=dtype)
+            leaves = {name: x for name, x in parameters(surface).items() if ".network." not in name}
+            wi, wo = edges(dtype)
+            u = numbers(surface, dtype, generator)[:4].expand(len(wi), -1, -1)
+            wi.requires_grad_(), wo.requires_grad_()
+            for method, value in results(surface, wi, wo, u):
+                if not value.isfinite().all():
+                    bad.append((dtype, alpha, method, rows_of(value)))
+                if not value.requires_grad:
+                    continue
+                for gradient in torch.autograd.grad(
+                    value.sum(), [*leaves.values(), wi, wo], retain_graph=True, allow_unused=True
+                ):
+                    if gradient is not None and not gradient.isfinite().all():
+                        bad.append((dtype, alpha, method, "gradient", rows_of(gradient)))
+    assert not bad, "\n".join(map(str, bad[:10]))
+
+
+@on_all
+def test_gradients_are_exact(scattering, distribution, generator):
+    """d orders / d (α_x, α_y, η, k, directions): gradcheck in float64."""
+    wi, wo = directions(3, generator, 0.2), directions(3, generator, 0.2)
+    start = [torch.tensor(x, dtype=torch.float64) for x in (0.6, 0.35, [0.4, 1.2], [3.0, 2.0])]
+    start = [x.requires_grad_() for x in (*start, wi, wo)]
+    kind, model = ELLIPTIC[distribution], DISTILLATES[scattering](4).double()
+
+    def metal(ax: Tensor, ay: Tensor, eta: Tensor, k: Tensor, i: Tensor, o: Tensor) -> Tensor:
+        unit = [torch.nn.functional.normalize(w, dim=-1) for w in (i, o)]
+        return RoughConductor(kind(ax, ay), Conductor(eta, k), model).orders(*unit)
+
+    assert torch.autograd.gradcheck(metal, start, eps=1e-6, atol=1e-6, rtol=1e-4)
+
+
+@on_all
+def test_maps_of_alpha_are_pixels(scattering, distribution, generator):
+    """A per-pixel map gives what each pixel gives alone."""
+    kind, model = ELLIPTIC[distribution], DISTILLATES[scattering](4)
+    wi, wo = directions(4, generator, 0.2).float(), directions(4, generator, 0.2).float()
+    ax, ay = torch.tensor([0.1, 0.4, 0.8, 1.0]), torch.tensor([0.3, 0.1, 0.8, 0.2])
+
+    def metal(x: Tensor, y: Tensor) -> BSDF:
+        return RoughConductor(kind(x, y), Schlick([0.3, 0.9]), model)
+
+    one_by_one = torch.stack([metal(ax[i], ay[i])(wi[i], wo[i]) for i in range(4)])
+    torch.testing.assert_close(metal(ax, ay)(wi, wo), one_by_one, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.usefixtures("messages")
+def test_what_it_does_not_hold_for_is_refused():
+    model = Distilled()
+    with pytest.raises(ValueError, match="distribution GTR"):
+        RoughConductor(GTR(0.5, 1.5), Ideal(), model)
+    for alpha in ((0.02,), (1.1,), (0.5, 0.01), (torch.tensor([0.5, 1.5]),)):
+        with pytest.raises(ValueError, match=r"must lie in \[0.03, 1\].*approximations\.distil"):
+            RoughConductor(GGX(*alpha), Ideal(), model)
+    with pytest.raises(TypeError, match="must be the path"):
+        Distilled(3)  # type: ignore[arg-type]

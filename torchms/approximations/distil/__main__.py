@@ -1,0 +1,180 @@
+"""python -m torchms.approximations.distil: from a seed to a file of lobes for `Distilled`."""
+
+import os
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+import tyro
+
+from torchms.approximations import distilled_file as files
+from torchms.approximations.distil import blocks, energies, held_out, refinement, training
+from torchms.approximations.distil.weights import Weights
+from torchms.approximations.metal_lobes import MetalLobes
+from torchms.cli.progress import progress_bar
+from torchms.storage.write import check_writable
+from torchms.version import __version__
+
+
+@dataclass
+class Options:
+    """Distil the bounces of rough metal: data by the exact estimators, a small network, held-out errors, a file.
+
+    A stopped run goes on where it was if it is called again. Under torchrun the data are made by all processes.
+    """
+
+    distribution: Literal["GGX", "Beckmann"] = "GGX"
+    """Whose facets."""
+    alpha: tuple[float, float] = (0.03, 1.0)
+    """Smallest and largest roughness."""
+    out: Path = Path("distilled.npz")
+    """The file."""
+    work: Path = Path("build/distil")
+    """Folder of blocks of data and of checkpoints, one a set of options."""
+    blocks: int = 18
+    """Blocks of 65 536 surfaces and pairs of directions."""
+    paths: tuple[int, int] = (16, 64)
+    """Bidirectional paths of each for two and three bounces, and walks for more."""
+    steps: int = 2000
+    """Steps of Adam."""
+    refinements: int = 40
+    """Levenberg-Marquardt steps after them."""
+    cells: int = 1536
+    """Directions of incidence at which energies are balanced."""
+    widths: tuple[int, ...] = (16, 12)
+    """Units of the hidden layers; cost and accuracy follow them."""
+    seed: int = 1
+    """Seed of everything."""
+    held_out_points: int = 128
+    """Outgoing directions at which each held-out lobe is compared."""
+    held_out_paths: tuple[int, int] = (128, 256)
+    """Paths of either reference there."""
+    force: bool = False
+    """Overwrite the file."""
+
+
+def main(options: Options) -> None:
+    """Run all of it. Raises ValueError for options that do not fit, FileExistsError for a file that is there."""
+    check(options)
+    rank, world = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+    check_writable(options.out, options.force)
+    told = {k: v for k, v in asdict(options).items() if k not in ("out", "work", "force")}
+    folder = options.work / options.distribution
+    blocks.opened(folder, {"version": __version__, "format": files.FORMAT, **told})
+    numbers = list(range(rank, options.blocks, world))
+    with progress_bar("blocks of data", len(numbers)) as advance:
+        blocks.made(folder, options.distribution, options.alpha, options.seed, options.paths, numbers, advance)
+    if world > 1:
+        torch.distributed.init_process_group("gloo")
+        torch.distributed.barrier()
+        torch.distributed.destroy_process_group()
+    if rank == 0:
+        finish(options, folder, told)
+
+
+def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
+    """Train on the blocks of `folder`, look at the errors and write the file."""
+    kind = options.distribution
+    rows, targets = blocks.loaded(folder, options.blocks)
+    inputs = training.inputs_of(kind, rows)
+    mean, spread = inputs.mean(0), inputs.std(0)
+    where = energies.surfaces(options.alpha, options.cells, options.seed + 1)
+    pairs, cosines, lost = energies.pairs(kind, where, options.seed + 2)
+    cells = energies.Cells((training.inputs_of(kind, pairs) - mean) / spread, cosines, lost)
+    weights = Weights(options.widths, mean, spread)
+    inputs, floor = (inputs - mean) / spread, training.floors(kind, rows)
+    with progress_bar("training", options.steps) as advance:
+        vector = training.trained(
+            weights,
+            inputs,
+            targets,
+            floor,
+            cells,
+            options.steps,
+            options.seed + 3,
+            folder / "training.npz",
+            advance,
+        )
+    data = refinement.Data(inputs, targets[:, 1:4].sum(-1), floor)
+    with progress_bar("refinement", options.refinements) as advance:
+        vector = refinement.refined(weights, vector, data, cells, options.refinements, options.seed + 5, advance)
+    others = options.steps // 4
+    with progress_bar("other outputs", others) as advance:
+        vector = refinement.others_anew(weights, vector, data, targets, others, options.seed + 6, advance)
+    layers, skip = weights.folded(vector)
+    errors = held_out.summary(
+        MetalLobes(layers, skip),
+        kind,
+        options.alpha,
+        options.seed + 4,
+        options.held_out_points,
+        options.held_out_paths,
+    )
+    certificate = {
+        "command": command(options),
+        "torchms": __version__,
+        "torch": torch.__version__,
+        "commit": commit(),
+        "options": told | {"alpha": list(options.alpha), "widths": list(options.widths)},
+        "rows": len(targets),
+        "paths": len(targets) * 2 * sum(options.paths),
+        "held_out": errors,
+    }
+    files.write(options.out, files.Distillate("metal", kind, options.alpha, layers, skip, certificate), options.force)
+    for name, values in errors.items():
+        print(f"{name}: {values}")
+    print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+def check(options: Options) -> None:
+    """ValueError for options that do not fit."""
+    low, high = options.alpha
+    if not 1e-3 <= low < high <= 2:
+        raise ValueError(f"--alpha must be two numbers in [1e-3, 2], the smaller one first; got {low:g} {high:g}.")
+    limits = {"blocks": 1, "steps": 4, "refinements": 0, "cells": training.CELLS, "held_out_points": 2}
+    for name, least in limits.items():
+        if getattr(options, name) < least:
+            raise ValueError(f"--{name.replace('_', '-')} must be at least {least}; got {getattr(options, name)}.")
+    if not 0 <= options.seed < 1 << 16:
+        raise ValueError(f"--seed must lie in [0, 65536); got {options.seed}.")
+    if not options.widths or min(options.widths) < 1 or len(options.widths) >= files.MOST_LAYERS:
+        raise ValueError(f"--widths must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {options.widths}.")
+    if min(*options.paths, *options.held_out_paths) < 1:
+        raise ValueError(f"--paths must be positive; got {options.paths} and {options.held_out_paths}.")
+
+
+def command(options: Options) -> str:
+    """What makes the same lobes again."""
+    default = Options()
+    words = ["python -m torchms.approximations.distil"]
+    for name, value in asdict(options).items():
+        if name not in ("out", "work", "force") and value != getattr(default, name):
+            numbers = value if isinstance(value, tuple) else (value,)
+            words.append(f"--{name.replace('_', '-')} {' '.join(map(str, numbers))}")
+    return " ".join(words)
+
+
+def commit() -> str:
+    """Of the repository that this is run in; "" outside of one."""
+    command = ["git", "describe", "--always", "--dirty"]
+    try:
+        return subprocess.run(
+            command, capture_output=True, text=True, cwd=Path(__file__).parent, check=True
+        ).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1)))
+    try:
+        main(tyro.cli(Options))
+    except (ValueError, OSError) as error:
+        print(f"distil: error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("distil: interrupted; call it again with the same options to go on.", file=sys.stderr)
+        sys.exit(130)

@@ -1,0 +1,137 @@
+"""The training of a network: relative squares against noisy targets, and energies that add up to one.
+
+A target y is an unbiased estimate, and Σ w (p − y)² has its minimum at p = E[y] for every weight w that does not see y.
+Here w = 1 / (p² + floor²) with p held: relative squares where the lobe is high.
+"""
+
+import io
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from torchms.approximations.albedo_table import AlbedoTable
+from torchms.approximations.distil.energies import Cells
+from torchms.approximations.distil.rows import KINDS, Rows
+from torchms.approximations.distil.weights import Heads, Weights
+from torchms.approximations.metal_features import features
+from torchms.maths.frame import split
+from torchms.sampling.uniforms import generator_for, integers
+from torchms.storage.archives import read_arrays
+from torchms.storage.write import write_whole
+
+BATCH = 8192
+CELLS = 4
+"""Directions of incidence whose energy a step looks at."""
+RATE = 6e-3
+SAVED = 500
+"""Steps between two checkpoints."""
+SIDE, MOMENT, TAIL, ENERGY = 0.3, 0.1, 0.003, 300.0
+"""Weights of the orders, of the facet cosines, of the tail's length and of the energies, against that of the lobe."""
+
+
+@torch.no_grad()
+def inputs_of(kind: str, rows: Rows, step: int = 8192) -> Tensor:
+    """The features (n, FEATURES)."""
+    parts = []
+    for start in range(0, len(rows.ax), step):
+        some = rows.part(slice(start, start + step))
+        found = features(KINDS[kind](some.ax, some.ay), split(some.wi), split(some.wo))
+        parts.append(torch.stack(torch.broadcast_tensors(*found), -1))
+    return torch.cat(parts)
+
+
+@torch.no_grad()
+def floors(kind: str, rows: Rows, step: int = 8192) -> Tensor:
+    """f [1/sr] below which errors do not count more: of the rest's own size, and of that of the whole lobe."""
+    table = AlbedoTable.packaged(kind)
+    parts = []
+    for start in range(0, len(rows.ax), step):
+        some = rows.part(slice(start, start + step))
+        distribution = KINDS[kind](some.ax, some.ay)
+        loss = table.loss(distribution, split(some.wi)) * table.loss(distribution, split(some.wo))
+        size = loss / (math.pi * table.mean_loss(distribution))
+        # The root mean square of a lobe of one bounce is about 0.11 / √(α_x α_y).
+        lobe = 0.11 / torch.sqrt(some.ax * some.ay) / some.wo[:, 2].clamp_min(0.2)
+        parts.append(torch.sqrt((0.3 * size) ** 2 + (0.1 * lobe) ** 2))
+    return torch.cat(parts)
+
+
+def loss(outputs: Tensor, targets: Tensor, floor: Tensor) -> Tensor:
+    """Mean squares of a batch."""
+    heads = Heads(outputs)
+    f = targets[:, 1:4]
+    held = heads.level.detach()
+    weight = 1 / (held * held + floor * floor)
+    orders = heads.level[:, None] * heads.shares
+    fixed = held[:, None] * heads.shares.detach()
+    s = (1 - heads.cosines) ** 5
+    counts = torch.stack([torch.full_like(held, 2.0), torch.full_like(held, 3.0), heads.mean_order.detach()], -1)
+    main = (weight * (heads.level - f.sum(-1)) ** 2).mean()
+    side = (weight[:, None] * (orders - f) ** 2).sum(-1).mean()
+    moment = (weight[:, None] * (counts * s * fixed - targets[:, 5:8]) ** 2).sum(-1).mean()
+    tail = (weight * (fixed[:, 2] * heads.mean_order - targets[:, 4]) ** 2).mean()
+    return main + SIDE * side + MOMENT * moment + TAIL * tail
+
+
+def trained(
+    weights: Weights,
+    inputs: Tensor,
+    targets: Tensor,
+    floor: Tensor,
+    cells: Cells,
+    steps: int,
+    seed: int,
+    checkpoint: Path,
+    advance: Callable[[int], None],
+) -> Tensor:
+    """The weights after `steps` steps of Adam, from `checkpoint` on if there is one."""
+    generator = generator_for(seed)
+    vector = weights.initial(generator).requires_grad_(True)
+    starts = integers(0, len(inputs) - BATCH + 1, (steps,), generator)
+    looks = integers(0, len(cells.lost) - CELLS + 1, (steps,), generator)
+    optimizer = torch.optim.Adam([vector], lr=RATE, betas=(0.9, 0.99))
+    first = _resumed(checkpoint, vector, optimizer)
+    advance(first)
+    for step in range(first, steps):
+        rate = RATE * min(1.0, (step + 1) / 100) * 0.5 * (1 + math.cos(math.pi * step / steps)) + 2e-5
+        optimizer.param_groups[0]["lr"] = rate
+        rows = slice(int(starts[step]), int(starts[step]) + BATCH)
+        value = loss(weights.outputs(vector, inputs[rows]), targets[rows], floor[rows])
+        some = cells.part(int(looks[step]), CELLS)
+        energy = some.energies(Heads(weights.outputs(vector, some.inputs)).level)
+        value = value + ENERGY * ((energy - some.lost) ** 2).mean()
+        optimizer.zero_grad(set_to_none=True)
+        value.backward()
+        torch.nn.utils.clip_grad_norm_([vector], 0.5)
+        optimizer.step()
+        advance(1)
+        if (step + 1) % SAVED == 0 or step + 1 == steps:
+            _save(checkpoint, step + 1, vector, optimizer)
+    return vector.detach()
+
+
+def _save(path: Path, step: int, vector: Tensor, optimizer: torch.optim.Adam) -> None:
+    state = optimizer.state[vector]
+    file = io.BytesIO()
+    arrays = {"vector": vector.detach(), "mean": state["exp_avg"], "square": state["exp_avg_sq"]}
+    np.savez(file, step=np.array(step), **{name: x.numpy() for name, x in arrays.items()})
+    write_whole(path, file.getvalue(), force=True)
+
+
+def _resumed(path: Path, vector: Tensor, optimizer: torch.optim.Adam) -> int:
+    """The step of the checkpoint, whose state `vector` and `optimizer` then have; 0 without one."""
+    if not path.exists():
+        return 0
+    arrays = read_arrays(path, 1 << 24)
+    with torch.no_grad():
+        vector.copy_(torch.from_numpy(arrays["vector"]))
+    optimizer.state[vector] = {
+        "step": torch.tensor(float(arrays["step"])),
+        "exp_avg": torch.from_numpy(arrays["mean"]),
+        "exp_avg_sq": torch.from_numpy(arrays["square"]),
+    }
+    return int(arrays["step"])
