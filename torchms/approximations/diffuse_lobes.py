@@ -20,12 +20,15 @@ from torchms.approximations.network import Network
 from torchms.distributions.base import EllipticDistribution
 from torchms.estimators.base import Exit
 from torchms.maths.frame import Vec3
+from torchms.maths.numerics import horizon
 from torchms.parameters.declared import channels_first
 from torchms.paths.diffuse import Diffuse
 from torchms.sampling.warps import cosine_hemisphere
 
 FEATURES = 14
 OUTPUTS = 5
+EXPONENT = (-30.0, 2.0)
+"""Range of the exponents: no lobe that was seen in training leaves it, and none overflows next to the horizon."""
 
 
 def features(shape: pair.Shape, i: pair.Seen, o: pair.Seen) -> list[Tensor]:
@@ -50,6 +53,13 @@ def features(shape: pair.Shape, i: pair.Seen, o: pair.Seen) -> list[Tensor]:
     ]
 
 
+def smith(distribution: EllipticDistribution, i: pair.Seen, o: pair.Seen) -> Tensor:
+    """σ_i σ_o / (σ_i z_o + σ_o z_i − z_i z_o): what masking and shadowing make of one bounce."""
+    # σ(−o) = σ(o) − z_o ≥ 0, without cancellation.
+    both = i.area * o.w.z + distribution.projected_area(-o.w) * i.w.z
+    return i.area * o.area / both.clamp_min(horizon(both.dtype) ** 2)
+
+
 class DiffuseLobes(nn.Module):
     """Lobes of rough diffuse surfaces of one kind of distribution, from a network."""
 
@@ -64,11 +74,10 @@ class DiffuseLobes(nn.Module):
         shape = pair.shape_of(distribution)
         i, o = pair.seen(distribution, wi), pair.seen(distribution, wo)
         first, second, third, rest, fall = self.network(features(shape, i, o))
-        # σ_i z_o + σ_o z_i − z_i z_o, with σ(−o) = σ(o) − z_o ≥ 0 without cancellation.
-        both = i.area * wo.z + distribution.projected_area(-wo) * wi.z
         cos = wo.z / math.pi
-        smith = i.area * o.area / both
-        return [value * cos for value in (smith * torch.exp(first), *map(torch.exp, (second, third, rest)))], torch.sigmoid(fall)
+        one, two, three, others = (torch.exp(x.clamp(*EXPONENT)) for x in (first, second, third, rest))
+        values = smith(distribution, i, o) * one, two, three, others
+        return [value * cos for value in values], torch.sigmoid(fall)
 
     def evaluate(self, vertex: Diffuse, wi: Vec3, wo: Vec3) -> list[Tensor]:
         """f · cos θ_o [1/sr] of the orders 1, 2, 3 and of all others together, each (C, 1, …)."""
