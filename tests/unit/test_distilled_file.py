@@ -8,6 +8,7 @@ import torch
 
 from torchms import GGX, Distilled, RoughConductor
 from torchms.approximations import distilled_file as files
+from torchms.approximations.distilled import NETWORKS
 from torchms.approximations.metal_features import FEATURES
 from torchms.approximations.metal_lobes import OUTPUTS
 from torchms.fresnel import Ideal
@@ -27,12 +28,12 @@ def test_what_is_written_is_read(tmp_path: Path, generator: torch.Generator) -> 
     """Weights to the bit; a file of one's own is used, in its own range only."""
     path, content = tmp_path / "mine.npz", made(generator)
     files.write(path, content)
-    found = files.read(path, "metal", FEATURES, OUTPUTS)
+    found = files.read(path, NETWORKS)
     assert found.certificate == content.certificate and found.alpha == content.alpha
     for (a, b), (c, d) in zip(found.layers, content.layers, strict=True):
         torch.testing.assert_close((a, b), (c, d), rtol=0, atol=0)
     model = Distilled(path)
-    assert model.certificates["GGX"]["seed"] == 3
+    assert model.certificates["GGX metal"]["seed"] == 3
     RoughConductor(GGX(0.3), Ideal(), model)
     with pytest.raises(ValueError, match=r"must lie in \[0.2, 0.6\]"):
         RoughConductor(GGX(0.7), Ideal(), model)
@@ -63,7 +64,7 @@ def test_other_files_are_refused(tmp_path: Path, generator: torch.Generator) -> 
 
     refused("of format 99", format=np.array(99))
     refused("does not say its format", format=None)
-    refused("facets of glass", facet=np.array("glass"))
+    refused("is about wood", facet=np.array("wood"))
     refused("no readable certificate", certificate=np.array("{"))
     refused("which is no range", alpha=np.array([0.5, 0.1]))
     refused("lacks 'skip'", skip=None)

@@ -8,9 +8,13 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from torchms.approximations import diffuse_lobes, glass_lobes, metal_features, metal_lobes
 from torchms.approximations import distilled_file as files
-from torchms.approximations.metal_features import FEATURES, above
-from torchms.approximations.metal_lobes import OUTPUTS, MetalLobes
+from torchms.approximations.coordinates import ETA
+from torchms.approximations.diffuse_lobes import DiffuseLobes
+from torchms.approximations.glass_lobes import GlassLobes
+from torchms.approximations.metal_features import above
+from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.metal_sampling import MetalProposal
 from torchms.distributions.base import EllipticDistribution
 from torchms.estimators.base import Exit, Scattering
@@ -18,23 +22,36 @@ from torchms.estimators.single_bounce import SingleBounce
 from torchms.maths.frame import Vec3
 from torchms.maths.numerics import horizon
 from torchms.parameters.declared import first_bad
+from torchms.paths.diffuse import Diffuse
 from torchms.paths.mirror import Mirror
+from torchms.paths.refractive import Refractive
 from torchms.paths.vertex import Vertex
 from torchms.sampling.proposals import Proposal
 
 KNOWN = ("GGX", "Beckmann")
-REMEDY = "Use Bidirectional(Invariance()), which is exact, or KullaConty()."
+NETWORKS: dict[str, tuple[int, int]] = {
+    "metal": (metal_features.FEATURES, metal_lobes.OUTPUTS),
+    "diffuse": (diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
+    "reflected": (glass_lobes.REFLECTED, 1),
+    "transmitted": (glass_lobes.TRANSMITTED, 1),
+}
+"""What a file may be about, and inputs and outputs of its network. Glass takes both of the last."""
+FACETS: dict[type[Vertex], str] = {Mirror: "metal", Diffuse: "diffuse", Refractive: "glass"}
+REMEDY = "Use HeightWalk(), which is exact, or KullaConty()."
 
 
 class Distilled(Scattering):
-    """All bounces off rough metal without noise and without random numbers, learned from `Bidirectional(Invariance())`.
+    """All bounces without noise and without random numbers, learned from the exact estimators.
 
-    Orders: index 0 is one bounce, exact; 1 and 2 are two and three bounces; 3 is all from four on together. Reciprocal,
-    positive and symmetric by construction; with F = 1 the energies add up to 1, see the certificate in `certificates`.
+    Metal: index 0 of the orders is one bounce, exact; 1 and 2 are two and three bounces; 3 is all from four on together.
     Any Fresnel term: each order meets facets at one effective cosine, which is exact to first order in the variation of F.
-    table: the path of a file that `python -m torchms.approximations.distil` wrote; None takes those of torchms, for GGX and
-    Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, glass and diffuse facets
-    are refused with a ValueError.
+    Diffuse: the same orders, the first one included, with the albedo to the power of each. Glass: index 0 is one bounce,
+    exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
+    Reciprocal (for glass with the squares of the indices), positive and symmetric by construction; energies add up to 1
+    as far as the certificate in `certificates` says.
+    table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of
+    torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
+    facets of which no file is are refused with a ValueError.
     """
 
     sources = ("Wang2022", "Cui2023")
@@ -43,97 +60,138 @@ class Distilled(Scattering):
     is_unbiased = False
     is_reciprocal = True
 
-    def __init__(self, table: str | Path | None = None) -> None:
+    def __init__(self, table: str | Path | Sequence[str | Path] | None = None) -> None:
         super().__init__()
         if table is None:
-            found = [packaged(name) for name in KNOWN]
-        elif isinstance(table, str | Path):
-            found = [files.read(table, "metal", FEATURES, OUTPUTS)]
+            found = [packaged(name, facet) for name in KNOWN for facet in NETWORKS]
         else:
-            raise TypeError(
-                "Distilled(table=...) must be the path of a file of distilled lobes, or None for those that come with "
-                f"torchms; got {table!r}."
-            )
-        self.lobes = nn.ModuleDict({each.distribution: MetalLobes(each.layers, each.skip) for each in found})
-        self.ranges = {each.distribution: each.alpha for each in found}
-        self.certificates: dict[str, dict[str, Any]] = {each.distribution: each.certificate for each in found}
+            paths = [table] if isinstance(table, str | Path) else table
+            if not isinstance(paths, Sequence) or not paths or not all(isinstance(p, str | Path) for p in paths):
+                raise TypeError(
+                    "Distilled(table=...) must be the path of a file of distilled lobes, or several of them, or None for "
+                    f"those that come with torchms; got {table!r}."
+                )
+            found = [files.read(path, NETWORKS) for path in paths]
+        self.lobes = nn.ModuleDict()
+        self.ranges: dict[str, tuple[float, float]] = {}
+        self.certificates: dict[str, dict[str, Any]] = {}
+        for each in found:
+            self._add(each, {(x.distribution, x.facet): x for x in found})
         self.single = SingleBounce()
 
+    def _add(self, each: files.Distillate, all_of_them: dict[tuple[str, str], files.Distillate]) -> None:
+        """Lobes of one file; glass is added with the file of what it transmits."""
+        self.certificates[f"{each.distribution} {each.facet}"] = each.certificate
+        low, high = each.alpha
+        if each.facet == "metal":
+            key, lobes = f"{each.distribution} metal", MetalLobes(each.layers, each.skip)
+        elif each.facet == "diffuse":
+            key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
+        else:
+            other = all_of_them.get((each.distribution, "reflected" if each.facet == "transmitted" else "transmitted"))
+            if other is None:
+                raise ValueError(
+                    f"Distilled(table=...): glass needs the files of what it reflects and of what it transmits; there is "
+                    f"only that of what is {each.facet}. Give both."
+                )
+            if each.facet == "reflected":
+                return
+            key, lobes = f"{each.distribution} glass", GlassLobes(other, each)
+            low, high = max(low, other.alpha[0]), min(high, other.alpha[1])
+        self.lobes[key], self.ranges[key] = lobes, (low, high)
+
     def n_uniforms(self, vertex: Vertex) -> int:
-        return 1 + vertex.n_uniforms + MetalProposal.n_uniforms
+        if isinstance(vertex, Mirror):
+            return 1 + vertex.n_uniforms + MetalProposal.n_uniforms
+        return 1 + vertex.n_uniforms + (GlassLobes.n_extra if isinstance(vertex, Refractive) else DiffuseLobes.n_extra)
 
     def is_deterministic(self, vertex: Vertex) -> bool:
         return True
 
     def check(self, vertex: Vertex) -> None:
         kind = type(vertex.distribution).__name__
-        if not isinstance(vertex, Mirror):
-            raise ValueError(f"Distilled holds lobes of metal only; got a facet that is no mirror. {REMEDY}")
-        if kind not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution):
+        key = self._key(vertex)
+        if key not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution):
             raise ValueError(
-                f"Distilled(table=...) holds lobes of {', '.join(self.lobes)}; got the distribution {kind}. {REMEDY}"
+                f"Distilled(table=...) holds lobes of {', '.join(self.lobes)}; got {FACETS.get(type(vertex), 'facets')} "
+                f"with the distribution {kind}. {REMEDY}"
             )
-        low, high = self.ranges[kind]
+        low, high = self.ranges[key]
         for name, alpha in zip(("alpha", "alpha_y"), vertex.distribution.alphas, strict=True):
-            value = alpha.detach()
-            if value.is_meta or isinstance(value, torch._subclasses.FakeTensor):
-                continue
-            # The range holds for numbers of any precision: 0.03 in float32 is a little less than in float64.
-            bad = (value < low * (1 - 1e-6)) | (value > high * (1 + 1e-6))
-            if bool(bad.any()):
-                raise ValueError(
-                    f"Distilled: {kind}({name}=...) must lie in [{low:g}, {high:g}], for which its lobes were distilled; "
-                    f"got {first_bad(bad, value)}. {REMEDY} For a range of your own run "
-                    "python -m torchms.approximations.distil and give its file as Distilled(table)."
-                )
+            self._within(f"{kind}({name}=...)", alpha, low, high)
+        if isinstance(vertex, Refractive):
+            self._within("Dielectric(eta=...)", vertex.eta, 1 / ETA, ETA)
 
-    def proposal(self, vertex: Vertex) -> Proposal:
-        return MetalProposal(_elliptic(vertex))
+    def _within(self, what: str, value: Tensor, low: float, high: float) -> None:
+        value = value.detach()
+        if value.is_meta or isinstance(value, torch._subclasses.FakeTensor):
+            return
+        # The range holds for numbers of any precision: 0.03 in float32 is a little less than in float64.
+        bad = (value < low * (1 - 1e-6)) | (value > high * (1 + 1e-6))
+        if bool(bad.any()):
+            raise ValueError(
+                f"Distilled: {what} must lie in [{low:g}, {high:g}], for which its lobes were distilled; "
+                f"got {first_bad(bad, value)}. {REMEDY} For a range of your own run "
+                "python -m torchms.approximations.distil and give its file as Distilled(table)."
+            )
+
+    def proposal(self, vertex: Vertex) -> Proposal | None:
+        return MetalProposal(_elliptic(vertex)) if isinstance(vertex, Mirror) else None
 
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
-        assert isinstance(vertex, Mirror)
-        return [
-            *self.single.evaluate(vertex, wi, wo, u),
-            *self._lobes(vertex).orders(_elliptic(vertex), vertex.fresnel, wi, wo),
-        ]
+        lobes = self.lobes[self._key(vertex)]
+        if isinstance(vertex, Mirror):
+            assert isinstance(lobes, MetalLobes)
+            return [
+                *self.single.evaluate(vertex, wi, wo, u),
+                *lobes.orders(_elliptic(vertex), vertex.fresnel, wi, wo),
+            ]
+        if isinstance(vertex, Diffuse):
+            assert isinstance(lobes, DiffuseLobes)
+            return lobes.evaluate(vertex, wi, wo)
+        assert isinstance(lobes, GlassLobes) and isinstance(vertex, Refractive)
+        return lobes.evaluate(vertex, wi, wo)
 
     def walk(self, vertex: Vertex, wi: Vec3, u: Sequence[Tensor]) -> Iterator[Exit]:
-        assert isinstance(vertex, Mirror)
+        lobes = self.lobes[self._key(vertex)]
+        if isinstance(vertex, Diffuse):
+            assert isinstance(lobes, DiffuseLobes)
+            yield from lobes.walk(vertex, wi, u)
+            return
+        if isinstance(vertex, Refractive):
+            assert isinstance(lobes, GlassLobes)
+            yield from lobes.walk(vertex, wi, u)
+            return
+        assert isinstance(vertex, Mirror) and isinstance(lobes, MetalLobes)
         # How often light leaves with the rest is chosen beforehand, close to how often it does: then the weights are right
         # whatever the choice.
         proposal = MetalProposal(_elliptic(vertex))
         again = proposal.rest_share(wi)
         (first,) = self.single.walk(vertex, wi, u)
-        yield Exit(
-            first.d,
-            first.weight * (first.escapes / (1 - again)),
-            (1 - again).expand_as(first.escapes),
-            first.transmitted,
-        )
+        weight, escapes = first.weight * (first.escapes / (1 - again)), (1 - again).expand_as(first.escapes)
+        yield Exit(first.d, weight, escapes, first.transmitted)
         d = proposal.sample_rest(wi, u[1 + vertex.n_uniforms :])
         d = Vec3(d.x, d.y, d.z.clamp_min(horizon(d.z.dtype)))
         density = proposal.rest_density(above(wi), d)
-        values = self._lobes(vertex).orders(_elliptic(vertex), vertex.fresnel, wi, d)
-        white = self._lobes(vertex).rest(_elliptic(vertex), above(wi), d).lobes
+        values = lobes.orders(_elliptic(vertex), vertex.fresnel, wi, d)
+        white = lobes.rest(_elliptic(vertex), above(wi), d).lobes
         total = sum(white[1:], white[0])
         for value, lobe in zip(values, white, strict=True):
             escapes = again * (lobe / total)
             yield Exit(d, value / (density * escapes), escapes, torch.zeros_like(first.transmitted))
 
-    def _lobes(self, vertex: Vertex) -> MetalLobes:
-        found = self.lobes[type(vertex.distribution).__name__]
-        assert isinstance(found, MetalLobes)
-        return found
+    def _key(self, vertex: Vertex) -> str:
+        return f"{type(vertex.distribution).__name__} {FACETS.get(type(vertex), '')}"
 
     def extra_repr(self) -> str:
         return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.ranges.items())
 
 
-def packaged(distribution: str) -> files.Distillate:
+def packaged(distribution: str, facet: str) -> files.Distillate:
     """The lobes that come with torchms."""
-    name = f"distilled_{distribution.lower()}_metal.npz"
+    name = f"distilled_{distribution.lower()}_{facet}.npz"
     with resources.as_file(resources.files("torchms.approximations") / name) as path:
-        return files.read(path, "metal", FEATURES, OUTPUTS)
+        return files.read(path, NETWORKS)
 
 
 def _elliptic(vertex: Vertex) -> EllipticDistribution:

@@ -3,6 +3,7 @@
 import io
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +26,7 @@ MOST_LAYERS = 8
 class Distillate(NamedTuple):
     """What a file holds.
 
-    facet: "metal". distribution: "GGX" or "Beckmann". alpha: smallest and largest roughness it was trained for.
+    facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest roughness it was trained for.
     layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
     """
 
@@ -55,8 +56,8 @@ def write(path: str | Path, distillate: Distillate, force: bool = False) -> None
     write_whole(path, file.getvalue(), force)
 
 
-def read(path: str | Path, facet: str, inputs: int, outputs: int) -> Distillate:
-    """The distillate of such facets, for a network of so many inputs and outputs, in the file `path`.
+def read(path: str | Path, networks: Mapping[str, tuple[int, int]]) -> Distillate:
+    """The distillate in the file `path`, about one of these facets; `networks` has the inputs and outputs of each.
 
     Raises FileNotFoundError for none, ValueError for a file that is damaged, of another format or facet, or whose weights
     do not fit together or are not finite; nothing is unpickled, and no array is read before its size is known to fit.
@@ -71,9 +72,10 @@ def read(path: str | Path, facet: str, inputs: int, outputs: int) -> Distillate:
     version = _said(arrays, "format", path)
     if version != FORMAT:
         raise ValueError(f"{path.name} holds distilled lobes of format {version}; this is format {FORMAT}. {REMEDY}")
-    found = str(_said(arrays, "facet", path))
-    if found != facet:
-        raise ValueError(f"{path.name} is about facets of {found}; {facet} is asked for.")
+    facet = str(_said(arrays, "facet", path))
+    if facet not in networks:
+        raise ValueError(f"{path.name} is about {facet}; known are {', '.join(networks)}.")
+    inputs, outputs = networks[facet]
     try:
         certificate = json.loads(str(_said(arrays, "certificate", path)))
     except json.JSONDecodeError as error:
