@@ -46,8 +46,8 @@ def compile(bsdf: B, *, verbose: bool = True, exact: bool = False) -> B:
     elsewhere = sorted({x.device.type for x in (*bsdf.parameters(), *bsdf.buffers())} - {"cpu"})
     if elsewhere:
         warnings.warn(
-            f"torchms.compile: parameters are on {', '.join(elsewhere)}, and machine code is for the CPU; the BSDF runs eagerly. "
-            "Move it with bsdf.cpu(), or compile the calls with torch.compile.",
+            f"torchms.compile: parameters are on {', '.join(elsewhere)}, and machine code is for the CPU; the BSDF runs "
+            "eagerly. Move it with bsdf.cpu(), or compile the calls with torch.compile.",
             RuntimeWarning,
             stacklevel=2,
         )
