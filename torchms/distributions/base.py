@@ -83,7 +83,8 @@ class MicrofacetDistribution(Parametric, ABC):
 
     def D(self, m: Direction) -> Scalar:
         """Density of microfacet normals at `m` [1/sr]: ∫ D(m) m_z dm = 1; zero at and below the horizon."""
-        return fitted(self, m.shape[:-1]).normal_density(split(m))
+        components = split(m)
+        return fitted(self, components.z.shape).normal_density(components)
 
     def Lambda(self, w: Direction) -> Scalar:
         """Smith's Λ at `w`, signed, on the whole sphere: Λ(−w) = −1 − Λ(w) [Heitz2016].
@@ -91,16 +92,19 @@ class MicrofacetDistribution(Parametric, ABC):
         Closer to the horizon than |w_z| = 1e-7 (float32; 1e-14 in float64), where Λ diverges, it is that of this
         w_z; exactly at the horizon it is positive.
         """
-        return fitted(self, w.shape[:-1]).signed_lambda(split(w))
+        components = split(w)
+        return fitted(self, components.z.shape).signed_lambda(components)
 
     def D_visible(self, w: Direction, m: Direction) -> Scalar:
         """Density of the normals visible from `w`, at `m` [1/sr]; integrates to 1 over m for any `w` on the sphere."""
-        return fitted(self, w.shape[:-1], m.shape[:-1]).visible_density(split(w), split(m))
+        view, normal = split(w), split(m)
+        return fitted(self, view.z.shape, normal.z.shape).visible_density(view, normal)
 
     def sample_visible(self, w: Direction, u: Pair) -> Direction:
         """A visible normal for any `w` on the sphere, with density `D_visible`; `u` (*batch, 2) in [0, 1)²."""
         with own_precision(u):
-            return join(fitted(self, w.shape[:-1], u.shape[:-1]).visible_normal(split(w), *pair(u)))
+            view, (u0, u1) = split(w), pair(u)
+            return join(fitted(self, view.z.shape, u0.shape).visible_normal(view, u0, u1))
 
     def extra_repr(self) -> str:
         return describe(self)

@@ -113,8 +113,10 @@ class GGX(EllipticDistribution):
         Not for refraction: normals that refract but cannot reflect upward are left out. Reflections below the horizon remain,
         but fewer than with `sample_visible`; none if α_x = α_y ≥ 1. For w below the horizon it is `sample_visible`.
         """
-        return join(fitted(self, w.shape[:-1], u.shape[:-1]).bounded_normal(split(w), *pair(u)))
+        view, (u0, u1) = split(w), pair(u)
+        return join(fitted(self, view.z.shape, u0.shape).bounded_normal(view, u0, u1))
 
     def D_bounded(self, w: Direction, m: Direction) -> Scalar:
         """Density of `sample_bounded` at `m` [1/sr]: D(m) ⟨w, m⟩ over its integral on the cap [Tokuyoshi2023]."""
-        return fitted(self, w.shape[:-1], m.shape[:-1]).bounded_density(split(w), split(m))
+        view, normal = split(w), split(m)
+        return fitted(self, view.z.shape, normal.z.shape).bounded_density(view, normal)

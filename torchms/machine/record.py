@@ -111,10 +111,12 @@ class Recorder(TorchDispatchMode):
 
     def _decomposed(self, func: Any, args: Any, kwargs: Any) -> Any:
         decomposition = torch._decomp.decomposition_table.get(func)
-        if decomposition is None:
-            raise UnknownOperation(str(func))
         with self:
-            return decomposition(*args, **kwargs)
+            # What decompositions call may be made of other operations itself, as `to` is.
+            found = func.decompose(*args, **kwargs) if decomposition is None else decomposition(*args, **kwargs)
+        if found is NotImplemented:
+            raise UnknownOperation(str(func))
+        return found
 
     def _indices(self, x: Any) -> Any:
         return self.values.of(x) if isinstance(x, Tensor) else x
