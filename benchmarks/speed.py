@@ -1,6 +1,7 @@
 """How fast is compiled torchms against scalar code, Mitsuba and itself? Ratios of one run, two threads each.
 
-    python benchmarks/speed.py [section …]      (sections: walks single backward scaling engines bounds; all if none)
+    python benchmarks/speed.py [section …] [--quick]
+(sections: walks single backward scaling engines latency contention compiling bounds; all if none)
 
 Times are medians of repetitions that alternate between the two sides, random numbers included. The yardstick of the
 walks is benchmarks/yardstick.py (Numba), that of the single bounce Mitsuba's roughconductor. Checked mode, which costs 2 to
@@ -38,12 +39,12 @@ def hemisphere(n: int, seed: int = 0) -> torch.Tensor:
     return torch.stack([r * phi.cos(), r * phi.sin(), z]).T
 
 
-def timed(*calls: Callable[[], Any], repeats: int = REPEATS) -> list[float]:
+def timed(*calls: Callable[[], Any], repeats: int | None = None) -> list[float]:
     """Median seconds of each call; the calls take turns, after one warm-up."""
     times: list[list[float]] = [[] for _ in calls]
     for call in calls:
         call()
-    for _ in range(repeats):
+    for _ in range(repeats or REPEATS):
         for call, found in zip(calls, times, strict=True):
             start = time.perf_counter()
             call()
@@ -275,6 +276,117 @@ def engines() -> list[dict[str, Any]]:
     return rows
 
 
+CASES: dict[str, Callable[[], ms.Scattering]] = {
+    "single bounce": ms.SingleBounce,
+    "unidirectional invariance K=4": lambda: ms.Unidirectional(ms.Invariance(), 4),
+}
+SIZES = (1, 64, 4096, 65536)
+
+
+def latency() -> list[dict[str, Any]]:
+    """Microseconds of a call on few rows, copper of three channels: forward, and forward with backward to α, η and k."""
+    import tempfile
+
+    from torchms.onnx import Evaluator, export
+
+    rows = []
+    for name, scattering in CASES.items():
+        eta, k = (torch.nn.Parameter(torch.tensor(v)) for v in ([0.2, 0.9, 1.1], [3.9, 2.5, 2.4]))
+        eager = ms.RoughConductor(ms.GGX(torch.nn.Parameter(torch.tensor(0.5))), Conductor(eta, k), scattering())
+        fast = ms.compile(eager)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "file.onnx"
+            export(eager, path, uniforms="seed", n_paths=1)
+            evaluator = Evaluator(path, threads=2)
+        for n in SIZES:
+            wi, wo, stream = hemisphere(n, 1).contiguous(), hemisphere(n, 2).contiguous(), ms.Stream(1)
+            given = (wi, wo) if eager.max_order == 1 else (wi, wo, stream.seeds((n,)))
+
+            def forward(surface: ms.BSDF, a: torch.Tensor = wi, b: torch.Tensor = wo) -> None:
+                with torch.no_grad():
+                    surface(a, b, ms.Stream(1))
+
+            def both(surface: ms.BSDF, a: torch.Tensor = wi, b: torch.Tensor = wo) -> None:
+                surface(a, b, ms.Stream(1)).sum().backward()
+
+            times = timed(
+                lambda f=forward: f(eager),
+                lambda f=forward: f(fast),
+                lambda v=evaluator, g=given: v(*g),
+                lambda f=both: f(eager),
+                lambda f=both: f(fast),
+                repeats=REPEATS if n > 4096 else 10 * REPEATS,
+            )
+            names = ("eager_us", "compiled_us", "onnx_us", "eager_backward_us", "compiled_backward_us")
+            rows.append({"case": name, "rows": n} | dict(zip(names, (t * 1e6 for t in times), strict=True)))
+            print(rows[-1], flush=True)
+    return rows
+
+
+def _busy() -> None:
+    while True:
+        pass
+
+
+@torch.no_grad()
+def contention() -> list[dict[str, Any]]:
+    """ns a row with one thread, with two, and with two while another process keeps one core busy."""
+    import multiprocessing
+
+    rows = []
+    n = ROWS // 5
+    wi, wo = hemisphere(n, 1), hemisphere(n, 2)
+    before = torch.get_num_threads()
+    eager = conductor("ggx", 0.5, ms.Unidirectional(ms.Invariance(), 8))
+    for engine, surface in (("eager", eager), ("compiled", ms.compile(eager))):
+        times = {}
+        for label, threads, busy in (("one", 1, False), ("two", 2, False), ("two_busy", 2, True)):
+            torch.set_num_threads(threads)
+            other = multiprocessing.get_context("spawn").Process(target=_busy, daemon=True)
+            if busy:
+                other.start()
+            (times[label],) = timed(lambda s=surface: s(wi, wo, ms.Stream(1)))
+            if busy:
+                other.terminate()
+                other.join()
+        torch.set_num_threads(before)
+        row = {"engine": engine} | {f"{label}_ns": t / n * 1e9 for label, t in times.items()}
+        row |= {"two_over_one": times["one"] / times["two"], "busy_over_idle": times["two_busy"] / times["two"]}
+        rows.append(row)
+        print(row, flush=True)
+    return rows
+
+
+def compiling() -> list[dict[str, Any]]:
+    """Seconds of the first call and of the first backward, with an empty cache on disk."""
+    import tempfile
+
+    from torchms.evaluation import engine
+    from torchms.machine import build
+
+    rows = []
+    wi, wo = hemisphere(5, 1), hemisphere(5, 2)
+    cases = CASES | {
+        "unidirectional invariance K=8": lambda: ms.Unidirectional(ms.Invariance(), 8),
+        "bidirectional invariance K=6": lambda: ms.Bidirectional(ms.Invariance(), 6),
+        "bidirectional invariance K=8": lambda: ms.Bidirectional(ms.Invariance(), 8),
+        "Kulla-Conty": ms.KullaConty,
+    }
+    folder = build.folder
+    for name, scattering in cases.items():
+        with tempfile.TemporaryDirectory() as place:
+            build.folder = functools.partial(Path, place)  # type: ignore[assignment]
+            engine._programs.clear()
+            alpha = torch.nn.Parameter(torch.tensor(0.5))
+            fast = ms.compile(ms.RoughConductor(ms.GGX(alpha), Ideal(), scattering()), verbose=False)
+            forward = first_call(lambda f=fast: f(wi, wo, ms.Stream(1)))
+            value = fast(wi, wo, ms.Stream(1)).sum()
+            rows.append({"case": name, "forward_s": forward, "backward_s": first_call(value.backward)})
+            print(rows[-1], flush=True)
+    build.folder = folder
+    return rows
+
+
 @torch.no_grad()
 def bounds() -> list[dict[str, Any]]:
     """What this machine can do, by the same compiler: ns of an operation on one number, two threads."""
@@ -311,19 +423,27 @@ def bounds() -> list[dict[str, Any]]:
     return rows
 
 
-SECTIONS = {f.__name__: f for f in (walks, single, backward, scaling, engines, bounds)}
+SECTIONS = {f.__name__: f for f in (walks, single, backward, scaling, engines, latency, contention, compiling, bounds)}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sections", nargs="*", choices=[*SECTIONS, []], default=[])
     parser.add_argument("--orders", type=int, nargs="+", default=[6], help="bidirectional K of the section walks")
+    parser.add_argument(
+        "--quick", action="store_true", help="an eighth of the rows, three repetitions; nothing is written"
+    )
     options = parser.parse_args()
     path = RESULTS / "speed.json"
+    if options.quick:
+        global ROWS, REPEATS
+        ROWS, REPEATS = ROWS // 8, 3
     ms.set_validation(False)
     for name in options.sections or SECTIONS:
         print(f"-- {name}", flush=True)
         found = walks(tuple(options.orders)) if name == "walks" else SECTIONS[name]()
+        if options.quick:
+            continue
         content = json.loads(path.read_text()) if path.exists() else {}
         content[name] = {"birth": birth_certificate(), "load": os.getloadavg(), "rows": found}
         write_json(path, content, force=True)
