@@ -48,7 +48,9 @@ class Distilled(Scattering):
     Diffuse: the same orders, the first one included, with the albedo to the power of each. Glass: index 0 is one bounce,
     exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
     Reciprocal (for glass with the squares of the indices), positive and symmetric by construction; energies add up to 1
-    as far as the certificate in `certificates` says.
+    as far as the certificate in `certificates` says. Lobes of metal are off by 0.5 % of their root mean square in the median
+    and by up to 2 % for round surfaces, 5 % for α = (1, 0.1) and 9 % at worst; energies by 0.1 % in the median, 0.5 % at most
+    for round surfaces with α ≥ 0.25, and several per cent at grazing angles and for extreme anisotropy.
     table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
