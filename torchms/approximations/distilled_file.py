@@ -26,7 +26,8 @@ MOST_LAYERS = 8
 class Distillate(NamedTuple):
     """What a file holds.
 
-    facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest roughness it was trained for.
+    facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
+    roughness it was trained for.
     layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
     """
 

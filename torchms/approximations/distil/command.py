@@ -45,11 +45,22 @@ class Common:
         return {k: v for k, v in asdict(self).items() if k not in ("out", "outs", "work", "force")}
 
     def write(
-        self, facet: str, out: Path, layers: list[Layer], skip: Tensor, rows: int, errors: dict[str, float], folder: Path
+        self,
+        facet: str,
+        out: Path,
+        layers: list[Layer],
+        skip: Tensor,
+        rows: int,
+        errors: dict[str, float],
+        folder: Path,
     ) -> None:
         """Put a file with its certificate at `out`."""
         default = {f.name: f.default for f in fields(self)}
-        words = [f"--{k} {' '.join(map(str, v)) if isinstance(v, tuple) else v}" for k, v in self.told.items() if v != default[k]]
+        words = [
+            f"--{k} {' '.join(map(str, v)) if isinstance(v, tuple) else v}"
+            for k, v in self.told.items()
+            if v != default[k]
+        ]
         certificate = {
             "command": " ".join([f"python -m torchms.approximations.distil.{folder.name}", *words]),
             "torchms": __version__,

@@ -200,7 +200,11 @@ def main(options: Options) -> None:
     vector = net.initial([*start, 0.0], generator_for(options.seed + 1))
     terms = [
         Lobes(net, (x - mean) / spread, smith, y, cosines, options.rows, options.seed + 2),
-        Furnace(net, *_standard(furnace_points(options.distribution, options.alpha, options.seed + 3), mean, spread), options.energy),
+        Furnace(
+            net,
+            *_standard(furnace_points(options.distribution, options.alpha, options.seed + 3), mean, spread),
+            options.energy,
+        ),
     ]
     with finished("steps", options.steps + 4) as advance:
         for last, rows, steps in ((True, options.rows, 2), (False, options.rows, options.steps), (True, len(x), 2)):

@@ -12,7 +12,9 @@ from torchms.sampling.uniforms import draw
 LEAST_COSINE = 1e-4
 
 
-def roughnesses(alpha: tuple[float, float], n: int, isotropic: float, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+def roughnesses(
+    alpha: tuple[float, float], n: int, isotropic: float, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
     """α_x and α_y (n): half evenly in the logarithm, half evenly; this share `isotropic`."""
     low, high = alpha
     u = draw((n,), 1, 4, generator=generator)[:, 0].unbind(-1)
