@@ -21,8 +21,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from torchms.bsdfs.named import MATERIALS
 from torchms.microsurface.rays.grid_walk import GridTracer
-from torchms.microsurface.simulation.comparison import MATERIALS, MODELS, SIMULATION, Case, energies, gap
+from torchms.microsurface.simulation.comparison import MODELS, SIMULATION, Case, energies, gap
 from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 

@@ -26,9 +26,9 @@ from torchms.fresnel import Conductor, Fresnel, Ideal
 from torchms.lobes import measure
 from torchms.lobes.measure import incident_angles
 from torchms.microsurface.rays.grid_walk import GridTracer
-from torchms.microsurface.simulation.materials import Mirror
-from torchms.microsurface.simulation.run import simulate
-from torchms.microsurface.surfaces.heightfield import GaussianSurfaces
+from torchms.microsurface.simulation.materials import MirrorFacets
+from torchms.microsurface.simulation.simulate import simulate
+from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 from torchms.storage.write import check_writable, write_json
 
 matplotlib.use("Agg")
@@ -41,6 +41,7 @@ MODELS: dict[str, Callable[[], ms.Scattering]] = {
     "correlated": lambda: ms.Unidirectional(ms.Correlated(), K),
     "Kulla-Conty": ms.KullaConty,
     "Turquin": ms.Turquin,
+    "Distilled": ms.Distilled,
     "single bounce": ms.SingleBounce,
 }
 CASES = [
@@ -105,7 +106,14 @@ def lobe_row(kind: str, alpha: tuple[float, ...], theta: float, options: Options
     if kind == "Beckmann":
         recipe = GaussianSurfaces(alpha[0], alpha[-1], count=options.surfaces, size=512)
         truth = simulate(
-            recipe, Mirror(), wi, n_rays=options.rays, max_order=K, seed=options.seed, tracer=GridTracer(), lobes=True
+            recipe,
+            MirrorFacets(),
+            wi,
+            n_rays=options.rays,
+            max_order=K,
+            seed=options.seed,
+            tracer=GridTracer(),
+            lobes=True,
         )
         assert truth.lobes is not None
         theirs = coarser(upper(truth.lobes.mean))
@@ -155,7 +163,7 @@ def figure(content: dict[str, Any]) -> None:
     """Directional errors, and what gold looks like."""
     import matplotlib.pyplot as plt
 
-    shown = ("single bounce", "Turquin", "Kulla-Conty", "correlated", "uncorrelated", "height walk")
+    shown = ("single bounce", "Turquin", "Kulla-Conty", "correlated", "uncorrelated", "Distilled", "height walk")
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), width_ratios=(1.7, 1))
     labels = [f"{kind}\n{', '.join(f'{a:g}' for a in alpha)}" for kind, alpha in CASES]
     for i, name in enumerate(shown):
@@ -163,7 +171,7 @@ def figure(content: dict[str, Any]) -> None:
         for kind, alpha in CASES:
             mine = [r for r in content["lobes"] if r["distribution"] == kind and r["alpha"] == list(alpha)]
             values.append(math.sqrt(sum(r["error"][name] ** 2 for r in mine) / len(mine)))
-        axes[0].bar([x + (i - 2.5) * 0.14 for x in range(len(labels))], values, 0.14, label=name)
+        axes[0].bar([x + (i - 3) * 0.12 for x in range(len(labels))], values, 0.12, label=name)
     axes[0].set_yscale("log")
     axes[0].set_ylim(3e-3, 3)
     axes[0].set_xticks(range(len(labels)), labels)
@@ -172,7 +180,7 @@ def figure(content: dict[str, Any]) -> None:
     axes[0].legend(fontsize=8, ncols=2)
     axes[0].grid(axis="y", alpha=0.3)
     row = next(r for r in content["metals"] if r["metal"] == "Au" and r["alpha"] == 1.0)
-    names = ("single bounce", "Turquin", "Kulla-Conty", "correlated", "uncorrelated", "invariance")
+    names = ("single bounce", "Turquin", "Kulla-Conty", "correlated", "uncorrelated", "Distilled", "invariance")
     for c, colour in enumerate(("tab:red", "tab:green", "tab:blue")):
         values = [row["rgb"][name][c] for name in names]
         axes[1].barh([y + (c - 1) * 0.26 for y in range(len(names))], values, 0.26, color=colour)

@@ -18,7 +18,7 @@ from record import save
 from torch import Tensor
 
 from torchms import GGX
-from torchms.maths.frame import Vec3, normalized, split
+from torchms.maths.frame import Vec3, direction, normalized, split
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 F64 = torch.float64
@@ -32,8 +32,7 @@ def ggx(alpha: tuple[float, ...]) -> GGX:
 
 
 def incident(degrees: float, phi: float = 0.7) -> Tensor:
-    t = math.radians(degrees)
-    return torch.tensor([math.sin(t) * math.cos(phi), math.sin(t) * math.sin(phi), math.cos(t)], dtype=F64)
+    return direction(math.radians(degrees), phi)
 
 
 def row(alpha: tuple[float, ...], degrees: float, u: Tensor) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from torch import Tensor
 import torchms as ms
 from torchms.fresnel import Ideal
 from torchms.render.lights import DirectionalLight
-from torchms.render.paths import vertex_at
+from torchms.render.paths import shading_point
 from torchms.render.scenes import load_shape
 from torchms.render.shapes import Hits
 from torchms.sampling.stream import Stream
@@ -50,7 +50,7 @@ def slab_pixels(size: int) -> tuple[Tensor, Tensor]:
     origin, direction = camera.rays(x.reshape(-1), y.reshape(-1), 1.0)
     hits = shape.intersect(origin, direction)
     hit = hits.found.nonzero()[:, 0]
-    vertex = vertex_at(Hits(*(part[hit] for part in hits)), direction[hit], True, torch.float32)
+    vertex = shading_point(Hits(*(part[hit] for part in hits)), direction[hit], True, torch.float32)
     towards = DirectionalLight(TOWARDS_LIGHT).towards.expand(len(hit), 3)
     wo = vertex.to_local(towards)
     lit = wo[:, 2] > 0

@@ -13,7 +13,7 @@ import torchms as ms
 from torchms.fresnel import Conductor, Dielectric, Schlick
 from torchms.render import Camera
 from torchms.render.mesh import Mesh
-from torchms.render.paths import vertex_at
+from torchms.render.paths import shading_point
 from torchms.render.scenes import corner_normals
 from torchms.render.shapes import Hits
 
@@ -75,7 +75,7 @@ def g_buffer(size: int, inside: bool) -> GBuffer:
     origin, direction = camera.rays(x.reshape(-1), y.reshape(-1), 1.0)
     hits = mesh.intersect(origin, direction)
     pixel = hits.found.nonzero()[:, 0]
-    vertex = vertex_at(Hits(*(part[pixel] for part in hits)), direction[pixel], False, torch.float32)
+    vertex = shading_point(Hits(*(part[pixel] for part in hits)), direction[pixel], False, torch.float32)
     towards = lights(inside)
     wo = torch.stack([vertex.to_local(light.expand(len(pixel), 3)) for light in towards], 1)
     lit = []

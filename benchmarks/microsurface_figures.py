@@ -8,9 +8,9 @@ from pathlib import Path
 
 import tyro
 
+from torchms.bsdfs.named import MATERIALS
 from torchms.cli.figures import run_figures
-from torchms.cli.simulate import FiguresOptions
-from torchms.microsurface.simulation.comparison import MATERIALS
+from torchms.cli.options import FiguresOptions
 
 ALPHAS = ((0.25, None), (0.5, None), (1.0, None), (1.0, 0.1))
 

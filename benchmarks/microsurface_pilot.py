@@ -6,7 +6,6 @@ Pilot: Beckmann, F = 1, 1024² texels, 16 per correlation length, 24 surfaces, 3
 the rays for which the two tracers name different facets (a miss counts as one), from above and after one bounce.
 """
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,18 @@ from typing import Any
 import numpy as np
 import tyro
 
-from torchms.microsurface import EmbreeTracer, GaussianSurfaces, GridTracer, Heightfield, Mirror, Refractive, simulate
+from torchms.maths.frame import direction
+from torchms.microsurface import (
+    DielectricFacets,
+    EmbreeTracer,
+    GaussianSurfaces,
+    GridTracer,
+    Heightfield,
+    MirrorFacets,
+    simulate,
+)
 from torchms.microsurface.rays.grid import Grid, Paths
-from torchms.microsurface.simulation.facets import launch
+from torchms.microsurface.simulation.launch import launch
 from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 
@@ -46,18 +54,14 @@ class Options:
     """Overwrite them."""
 
 
-def direction(theta: float) -> np.ndarray:
-    return np.array([math.sin(theta), 0.0, math.cos(theta)])
-
-
 def pilot(options: Options) -> list[dict[str, Any]]:
     """Orders 1 … 4 beside the pilot's."""
     rows = []
     for (alpha, theta), numbers in PILOT.items():
         tally = simulate(
             GaussianSurfaces(alpha, count=options.surfaces),
-            Mirror(),
-            direction(theta),
+            MirrorFacets(),
+            direction(theta).numpy(),
             n_rays=options.rays,
             seed=options.seed,
             tracer=GridTracer(),
@@ -86,11 +90,11 @@ def agreement(options: Options) -> list[dict[str, Any]]:
         grid = Grid.of(Heightfield.gaussian(alpha, size=1024, seed=options.seed))
         walk, embree = GridTracer().bind(grid), EmbreeTracer().bind(grid)
         for theta in (0.0, 1.0, 1.5):
-            for bounces, material in ((0, Mirror()), (1, Mirror()), (1, Refractive(1.5))):
+            for bounces, material in ((0, MirrorFacets()), (1, MirrorFacets()), (1, DielectricFacets(1.5))):
                 p = Paths.empty(n, 1, False)
                 p.n = n
                 place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
-                launch(0, n, key, direction(theta), 1024, 1024, grid.launch_height, *place, n)
+                launch(0, n, key, direction(theta).numpy(), 1024, 1024, grid.launch_height, *place, n)
                 if bounces:
                     walk.cast(p)
                     material.scatter(p, grid, 1, key, False)

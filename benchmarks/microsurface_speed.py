@@ -7,7 +7,6 @@ surface. Wall clock holds on a quiet machine only; segments per CPU second hold 
 are timed one after the other in one thread, as shares of its CPU time.
 """
 
-import math
 import os
 import platform
 import statistics
@@ -21,12 +20,16 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, Mirror
+from torchms.maths.frame import direction
+from torchms.microsurface import EmbreeTracer, GridTracer, Heightfield, MirrorFacets
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Caster, Tracer
-from torchms.microsurface.simulation.facets import launch, settle
-from torchms.microsurface.simulation.plan import Partial
-from torchms.microsurface.simulation.run import make_plan, run_shards
+from torchms.microsurface.simulation.launch import launch
+from torchms.microsurface.simulation.partial import Partial
+from torchms.microsurface.simulation.plan import Plan
+from torchms.microsurface.simulation.schedule import run_shards
+from torchms.microsurface.simulation.settle import settle
+from torchms.microsurface.simulation.tracing import run_shard
 from torchms.storage.write import check_writable, write_json
 from torchms.version import __version__
 
@@ -72,7 +75,7 @@ def parts(grid: Grid, caster: Caster, wi: np.ndarray, n: int = 65536) -> dict[st
     timed("launch", launch, 0, n, key, wi, *grid.heights.shape, grid.launch_height, *place, n)
     for event in range(11):
         if event:
-            timed("scatter", Mirror().scatter, p, grid, event, key, False)
+            timed("scatter", MirrorFacets().scatter, p, grid, event, key, False)
         timed("trace", caster.cast, p)
         p.n = timed("tally", settle, event, np.ones(1), False, p.weight, *energies, *place, p.n)
         if not p.n:
@@ -82,8 +85,8 @@ def parts(grid: Grid, caster: Caster, wi: np.ndarray, n: int = 65536) -> dict[st
 
 def measured(surface: Heightfield, grid: Grid, tracer: Tracer, theta: float, options: Options) -> dict[str, Any]:
     """Speeds of one tracer on one surface at one angle."""
-    wi = np.array([math.sin(theta), 0.0, math.cos(theta)])
-    plan = make_plan(surface, Mirror(), wi, n_rays=options.rays, seed=1, tracer=tracer)
+    wi = direction(theta).numpy()
+    plan = Plan(surface, MirrorFacets(), wi, n_rays=options.rays, seed=1, tracer=tracer)
     wall = [
         run_shards(plan, plan.shards, plan.nothing(), threads=options.threads).report() for _ in range(options.repeats)
     ]
@@ -91,7 +94,7 @@ def measured(surface: Heightfield, grid: Grid, tracer: Tracer, theta: float, opt
     # Processor time of the tracing alone: once more, in one thread.
     shard = plan.shards[0]
     start = time.process_time()
-    found = plan.run_shard(shard, grid, caster.fork(), np.zeros(4))
+    found = run_shard(plan, shard, grid, caster.fork(), np.zeros(4))
     alone = time.process_time() - start
     segments = [w["segments_per_second"] for w in wall]
     return {

@@ -18,7 +18,7 @@ from torch import Tensor
 
 import torchms as ms
 from torchms.fresnel import Ideal
-from torchms.render.paths import vertex_at
+from torchms.render.paths import shading_point
 from torchms.render.shapes import Hits, Sphere
 from torchms.sampling.stream import Stream
 
@@ -36,8 +36,8 @@ def sphere_pixels(size: int) -> tuple[Tensor, Tensor, Tensor]:
     direction = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64).expand_as(origin)
     hits = Sphere().intersect(origin, direction)
     hit = hits.found.nonzero()[:, 0]
-    vertex = vertex_at(Hits(*(part[hit] for part in hits)), direction[hit], True, torch.float32)
-    light = torch.tensor([math.sin(APART), 0.0, math.cos(APART)], dtype=torch.float64).expand(len(hit), 3)
+    vertex = shading_point(Hits(*(part[hit] for part in hits)), direction[hit], True, torch.float32)
+    light = direction(APART).expand(len(hit), 3)
     wo = vertex.to_local(light)
     both = (wo[:, 2] > 0.1) & (vertex.wi[:, 2] > 0.1)
     return hit[both], vertex.wi[both], wo[both]

@@ -67,7 +67,7 @@ def command(options: list[str], workers: int = 0) -> list[str]:
     launcher = [sys.executable]
     if workers:
         launcher += ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={workers}"]
-    return [*launcher, "-m", "torchms.cli.simulate", *options]
+    return [*launcher, "-m", "torchms", "simulate", *options]
 
 
 def start(options: list[str], workers: int) -> Running:

@@ -12,7 +12,7 @@ from record import save, seconds
 from torch import Tensor
 
 import torchms as ms
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.fresnel import Dielectric, Ideal
 from torchms.maths.numerics import log1p
 from torchms.paths.height import HeightState, RandomHeight

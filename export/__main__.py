@@ -54,11 +54,12 @@ PARAMETERS = {
 
 def entries(options: Options):
     """Write and compare file after file."""
-    from torchms.cli.export import SCATTERINGS, build
-    from torchms.onnx.check import check
+    from torchms.bsdfs.named import SCATTERINGS
+    from torchms.cli.export import build
+    from torchms.cli.options import ExportOptions
     from torchms.onnx.exporter import checked, exported
-    from torchms.onnx.options import ExportOptions
-    from torchms.onnx.table import Entry
+    from torchms.onnx.parity.compare import check
+    from torchms.onnx.parity.table import Entry
     from torchms.storage.write import write_whole
 
     for name in options.scatterings:
@@ -104,7 +105,7 @@ def entries(options: Options):
 def main() -> int:
     """Run; the exit code."""
     options = tyro.cli(Options, description=__doc__)
-    from torchms.onnx.table import FOOTNOTE, table
+    from torchms.onnx.parity.table import FOOTNOTE, table
     from torchms.storage.write import check_writable, write_json
 
     done = []

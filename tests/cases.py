@@ -35,6 +35,7 @@ from torchms import (
     Unidirectional,
 )
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
+from torchms.maths import frame
 
 
 def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
@@ -118,10 +119,10 @@ def bsdf(
 
 
 @functools.cache
-def serves(material: str, scattering: str, alpha: tuple[float, ...] = (0.7, 0.3)) -> bool:
+def serves(material: str, scattering: str, distribution: str = "ggx", alpha: tuple[float, ...] = (0.7, 0.3)) -> bool:
     """Whether the material takes that scattering; which ones it must refuse is a test of its own."""
     try:
-        bsdf(material, scattering, alpha=alpha)
+        bsdf(material, scattering, distribution, alpha)
     except ValueError:
         return False
     return True
@@ -154,16 +155,20 @@ def each(name: str, table: Iterable[Any]) -> pytest.MarkDecorator:
 
 
 def surfaces() -> pytest.MarkDecorator:
-    """Parametrize over material × scattering, compensations included, × distribution: whatever can be built."""
+    """Parametrize over material × scattering, approximations included, × distribution: whatever can be built.
+
+    Quick are all scatterings of the first distribution, and all distributions with the quickest scatterings.
+    """
     found = [
         (m, s, d)
-        for m, s in itertools.product(ONE_OF_EACH, {**SCATTERINGS, **COMPENSATIONS})
-        for d in (ELLIPTIC if s in COMPENSATIONS else DISTRIBUTIONS)
-        if serves(m, s, alpha=alphas_for(m, s))
+        for m, s, d in itertools.product(ONE_OF_EACH, {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}, DISTRIBUTIONS)
+        if serves(m, s, d, alphas_for(m, s))
     ]
+    quickest = {"single", *COMPENSATIONS, *DISTILLATES}
+    slow = [c for c in found if HEAVY & set(c) or (c[2] != next(iter(DISTRIBUTIONS)) and c[1] not in quickest)]
     return pytest.mark.parametrize(
         "material,scattering,distribution",
-        [pytest.param(*c, marks=slow_if_heavy(c[1]) or slow_if_heavy(c[2]), id="-".join(c)) for c in found],
+        [pytest.param(*c, marks=[pytest.mark.slow] if c in slow else [], id="-".join(c)) for c in found],
     )
 
 
@@ -173,10 +178,8 @@ def alphas_for(material: str, scattering: str) -> tuple[float, ...]:
 
 
 def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:
-    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
-    return torch.tensor(
-        [math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta)], dtype=dtype
-    )
+    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad], which is not 0: that hides errors."""
+    return frame.direction(theta, phi, dtype)
 
 
 def directions(

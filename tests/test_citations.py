@@ -7,7 +7,7 @@ import pytest
 from cases import COMPENSATIONS, DISTILLATES, DISTRIBUTIONS, MATERIALS, SCATTERINGS, SEGMENTS
 
 import torchms as ms
-from torchms.citations import BEHIND, PAPERS
+from torchms.citations import PAPERS
 from torchms.fresnel import Conductor, Dielectric
 
 ROOT = Path(__file__).parent.parent
@@ -54,9 +54,20 @@ def test_a_constrained_part_is_known() -> None:
 
 
 def test_what_is_cited_exists() -> None:
-    assert {key for keys in BEHIND.values() for key in keys} <= set(PAPERS)
-    for name in BEHIND:
-        assert hasattr(ms, name), name
+    """Every source that a class names is in the table; one that is not there is said to be missing."""
+    text = "".join(file.read_text() for file in (ROOT / "torchms").rglob("*.py"))
+    named = {
+        key for line in re.findall(r"^    sources = \((.*)\)$", text, re.M) for key in re.findall(r'"(\w+)"', line)
+    }
+    assert len(named) > 8 and named <= set(PAPERS)
+
+    class Mine(ms.GGX):
+        sources = ("Nobody1900",)
+
+    with pytest.raises(ValueError, match=r"Nobody1900.*PAPERS"):
+        ms.cite(Mine(0.5))
+    Mine.sources = ("Hill2018",)
+    assert re.findall(r"^\[(\w+)\]", ms.cite(Mine(0.5)), re.M) == ["Walter2007", "Hill2018", "Dupuy2023"]
 
 
 def test_the_citation_file_is_of_this_version() -> None:
@@ -77,7 +88,8 @@ def test_bad_arguments() -> None:
 def test_a_file_cites_what_its_surface_does() -> None:
     """The metadata of an ONNX file has the papers of `cite`, for every scattering and material."""
     onnx = pytest.importorskip("onnx", reason="needs the onnx extra: pip install torchms[onnx]")
-    from torchms.onnx.exporter import checked, describe
+    from torchms.onnx.exporter import checked
+    from torchms.onnx.metadata import describe
 
     for make in {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}.values():
         surface = ms.RoughConductor(ms.GGX(0.5), Conductor.metal("Au"), make(2))
@@ -85,3 +97,10 @@ def test_a_file_cites_what_its_surface_does() -> None:
         describe(model, checked(surface, "forward", (), "input", 1))
         said = {entry.key: entry.value for entry in model.metadata_props}
         assert said["torchms.citation"] == ms.cite(surface)
+
+
+@pytest.mark.parametrize("scattering", [ms.SingleBounce, ms.KullaConty, ms.Turquin])
+def test_one_bounce_is_not_after_the_papers_on_several(scattering: type) -> None:
+    """A single bounce holds a segment, but for one bounce that is the G2 of 2014."""
+    assert not {"Wang2022", "Cui2023"} & set(re.findall(r"^\[(\w+)\]", ms.cite(scattering()), re.M))
+    assert "[Heitz2014]" in ms.cite(ms.SingleBounce())

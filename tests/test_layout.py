@@ -24,11 +24,11 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 LAYERS = (
     # What everything stands on.
     ("version", "typing", "storage", "cli.progress"),
-    ("maths",),
-    ("parameters.declared", "parameters.exchange"),
+    ("maths", "machine"),
+    ("parameters.declared", "parameters.exchange", "parameters.maps"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
-    ("sampling.warps", "sampling.uniforms", "sampling.stream"),
+    ("sampling.warps", "sampling.uniforms", "sampling.point_sets", "sampling.stream"),
     ("paths",),
     ("sampling.proposals",),
     # The sum over bounces, estimated or approximated; a surface.
@@ -38,7 +38,7 @@ LAYERS = (
     ("bsdfs",),
     # What is done with a surface.
     ("parameters.constrain", "citations"),
-    ("lobes", "testing", "render", "approximations.distil"),
+    ("lobes", "testing", "render", "shading", "measured", "approximations.distil"),
     ("microsurface", "onnx"),
     # The command line.
     ("cli", "__main__"),
@@ -109,6 +109,32 @@ def test_imports_inside_a_layer_have_no_cycle():
     assert not [(a, b) for a, b in arrows if a < b and (b, a) in arrows]
 
 
+LONGEST_FILE, LONGEST_FUNCTION = 250, 50
+"""Lines; of a function those of its body, without its docstring."""
+
+LONG = {
+    "maths/special.py": "tables of coefficients, which a program writes",
+    "microsurface/rays/embree_kernels.py:resolve": "a kernel of Numba: a call in its loop over rays would copy the state",
+    "microsurface/rays/grid_walk_kernel.py:walk": "a kernel of Numba: the walk's state is twenty numbers in registers",
+}
+"""What is longer, and why."""
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=[str(p.relative_to(PACKAGE)) for p in SOURCES])
+def test_one_idea_a_file(path):
+    """A file is short enough to be read at once, and a function fits on a screen."""
+    name = path.relative_to(PACKAGE).as_posix()
+    source = path.read_text()
+    found = {name: len(source.splitlines()) - LONGEST_FILE}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef):
+            body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+            lines = (node.end_lineno or 0) - body[0].lineno + 1 if body else 0
+            found[f"{name}:{node.name}"] = lines - LONGEST_FUNCTION
+    too_long = {key: over for key, over in found.items() if over > 0 and key not in LONG}
+    assert not too_long, f"lines over the limit: {too_long}"
+
+
 def test_random_numbers_come_from_one_place():
     calls = re.compile(r"torch\.(rand|randn|randint|randperm|normal|bernoulli|multinomial|rand_like|randn_like)\(")
     found = [str(p.relative_to(ROOT)) for p in SOURCES if calls.search(p.read_text())]
@@ -153,7 +179,7 @@ def test_nothing_is_unpickled():
 
 # Public classes and the tables.
 
-ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scattering", "Segment", "Fresnel"}
+ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scattering", "Segment", "Fresnel", "Interface"}
 ABSTRACT |= {"PathTracer", "Compensated"}
 
 ELSEWHERE = {
@@ -175,7 +201,7 @@ def public_classes() -> dict[str, type]:
     while pending:
         cls = pending.pop()
         pending += cls.__subclasses__()
-        if cls.__module__.startswith("torchms.") and cls.__name__ not in ABSTRACT:
+        if cls.__module__.startswith("torchms.") and cls.__name__ not in ABSTRACT and not cls.__name__.startswith("_"):
             found[cls.__name__] = cls
     exported = [getattr(torchms, name) for name in torchms.__all__] + [getattr(fresnel, n) for n in fresnel.__all__]
     return found | {c.__name__: c for c in exported if inspect.isclass(c) and c.__name__ not in ABSTRACT}

@@ -8,9 +8,9 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from torchms.cli.options import RenderOptions
 from torchms.cli.render import run_render
 from torchms.render.images import write_picture
-from torchms.render.options import RenderOptions
 
 MIRROR = "RoughConductor(GGX(1.0), Ideal(), {})"
 ALL_BOUNCES = "Bidirectional(Invariance(), max_order=12)"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from torchms.version import __version__
 
 if TYPE_CHECKING:
-    from torchms import approximations, fresnel, lobes, microsurface, onnx, render, testing
+    from torchms import approximations, fresnel, lobes, measured, microsurface, onnx, render, shading, testing
     from torchms.approximations import Distilled, KullaConty, Turquin
     from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
     from torchms.bsdfs.compile import compile
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from torchms.parameters.constrain import constrain
     from torchms.paths.segments import Correlated, Invariance, Segment, Uncorrelated
     from torchms.sampling.stream import Stream
+    from torchms.shading import alpha, alphas
 
 _HOME = {
     "BSDF": "bsdfs",
@@ -43,12 +44,14 @@ _HOME = {
     "Segment": "paths.segments",
     "Turquin": "approximations",
     "Uncorrelated": "paths.segments",
+    "alpha": "shading",
+    "alphas": "shading",
     "cite": "citations",
     "compile": "bsdfs.compile",
     "constrain": "parameters.constrain",
     "set_validation": "evaluation.arguments",
 }
-_MODULES = ("approximations", "fresnel", "lobes", "microsurface", "onnx", "render", "testing")
+_MODULES = ("approximations", "fresnel", "lobes", "measured", "microsurface", "onnx", "render", "shading", "testing")
 
 __all__ = [
     "BSDF",
@@ -73,16 +76,20 @@ __all__ = [
     "Uncorrelated",
     "Unidirectional",
     "__version__",
+    "alpha",
+    "alphas",
     "approximations",
     "cite",
     "compile",
     "constrain",
     "fresnel",
     "lobes",
+    "measured",
     "microsurface",
     "onnx",
     "render",
     "set_validation",
+    "shading",
     "testing",
 ]
 

@@ -1,5 +1,6 @@
-"""The papers behind the parts of a BSDF: `torchms.cite`."""
+"""The papers behind the parts of a BSDF: `torchms.cite`. A class names its own by their keys, as `sources`."""
 
+from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from torch import nn
@@ -35,6 +36,12 @@ PAPERS: dict[str, Paper] = {
         "Sampling Visible GGX Normals with Spherical Caps",
         "Computer Graphics Forum 42(8)",
         2023,
+    ),
+    "DupuyJakob2018": Paper(
+        ("Jonathan Dupuy", "Wenzel Jakob"),
+        "An Adaptive Parameterization for Efficient Material Acquisition and Rendering",
+        "ACM Transactions on Graphics 37(6)",
+        2018,
     ),
     "Heitz2014": Paper(
         ("Eric Heitz",),
@@ -94,25 +101,6 @@ PAPERS: dict[str, Paper] = {
 }
 """Every source by its key; the README lists them under Sources. (A key's year is that of the first copy we had.)"""
 
-BEHIND: dict[str, tuple[str, ...]] = {
-    "GGX": ("Walter2007", "Dupuy2023"),
-    "Beckmann": ("Walter2007",),
-    "GTR": ("Burley2012", "Dimov2015"),
-    "RoughConductor": ("Heitz2014",),
-    "RoughDielectric": ("Heitz2014", "Walter2007"),
-    "RoughDiffuse": ("Heitz2014", "HeitzDupuy2015"),
-    "Unidirectional": ("Wang2022",),
-    "Bidirectional": ("Wang2022",),
-    "Uncorrelated": ("Wang2022",),
-    "Correlated": ("Wang2022",),
-    "Invariance": ("Cui2023",),
-    "HeightWalk": ("Heitz2016",),
-    "KullaConty": ("KullaConty2017", "Hill2018"),
-    "Turquin": ("Turquin2019",),
-    "Distilled": ("Wang2022", "Cui2023"),
-}
-"""What a class, by its name, is made after; a class of which nothing is said here adds nothing."""
-
 TOGETHER: dict[tuple[str, str], str] = {("RoughConductor", "GGX"): "Tokuyoshi2023"}
 """What two classes of one BSDF are made after: a conductor samples GGX by bounded visible normals."""
 
@@ -133,9 +121,23 @@ def cite(bsdf: nn.Module, style: Literal["text", "bibtex"] = "text") -> str:
 
 def _keys(bsdf: nn.Module) -> set[str]:
     # A parametrized module (see `constrain`) is of a class of its own, whose base is meant.
-    names = {base.__name__ for part in bsdf.modules() for base in type(part).__mro__}
-    keys = {key for name in names for key in BEHIND.get(name, ())}
+    bases = {base for part in _parts(bsdf) for base in type(part).__mro__}
+    keys = {key for base in bases for key in vars(base).get("sources", ())}
+    unknown = keys - set(PAPERS)
+    if unknown:
+        raise ValueError(
+            f"sources of a part name {', '.join(sorted(unknown))}, which torchms.citations.PAPERS does not have. Add it there."
+        )
+    names = {base.__name__ for base in bases}
     return keys | {key for pair, key in TOGETHER.items() if names.issuperset(pair)}
+
+
+def _parts(module: nn.Module) -> Iterator[nn.Module]:
+    """`module` and its parts; not what a single bounce holds, for which all models of several bounces agree."""
+    yield module
+    if not any(base.__name__ == "SingleBounce" for base in type(module).__mro__):
+        for child in module.children():
+            yield from _parts(child)
 
 
 def _text(key: str, paper: Paper) -> str:

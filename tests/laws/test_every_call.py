@@ -11,7 +11,7 @@ from torch import Tensor
 import torchms
 from torchms import BSDF, Stream
 from torchms.bsdfs import compile as compiled
-from torchms.parameters.declared import bound
+from torchms.parameters.exchange import parameters, with_parameters
 
 ROWS, PATHS = 5, 2
 
@@ -19,7 +19,16 @@ ROWS, PATHS = 5, 2
 def mapped(surface: BSDF, rows: int) -> BSDF:
     """The same surface, each parameter as a map that falls by a tenth from its first row to its last."""
     fall = torch.linspace(1.0, 0.9, rows, dtype=surface.dtype)
-    return bound(surface, lambda p, channels: p * (fall[:, None] if channels else fall))
+    maps = {
+        name: value * (fall[:, None] if record.channels else fall)
+        for name, (record, value) in parameters(surface).items()
+    }
+    return with_parameters(surface, maps)
+
+
+def row_of(surface: BSDF, rows: slice) -> BSDF:
+    """Some rows of a surface of maps."""
+    return with_parameters(surface, {name: value[rows] for name, (_, value) in parameters(surface).items()})
 
 
 def case(material: str, scattering: str, distribution: str, dtype: torch.dtype = torch.float64) -> BSDF:
@@ -54,7 +63,7 @@ def test_eager(material, scattering, distribution, generator):
     stream = Stream(Stream(11).seeds((ROWS,))[here], PATHS)
     rtol, atol = TOLERANCES[torch.float64]
     for method, together in results.items():
-        alone = called(bound(maps, lambda p, channels: p[here]), method, wi[here], wo[here], stream)
+        alone = called(row_of(maps, here), method, wi[here], wo[here], stream)
         for a, b in zip(alone, together, strict=True):
             torch.testing.assert_close(a, b[here], rtol=1e3 * rtol, atol=1e3 * atol)
 
@@ -76,7 +85,7 @@ def compilations() -> Iterator[object]:
             yield pytest.param(*key, marks=marks, id="-".join(key))
 
 
-@pytest.mark.parametrize("material,scattering,distribution,method", compilations())
+@pytest.mark.parametrize("material,scattering,distribution,method", list(compilations()))
 def test_compiled(material, scattering, distribution, method, generator):
     """As eager, on several rows and on one, on numbers and on a stream; choices that rounding decides set apart."""
     if compiled._missing_compiler():

@@ -6,7 +6,7 @@ from cases import DISTRIBUTIONS, SCATTERINGS, directions, each, models, sides, t
 from torch import Tensor
 
 from torchms import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.fresnel import Conductor, Dielectric, Schlick
 from torchms.testing import estimate, exactly, p_value, zscore
 

@@ -13,7 +13,7 @@ from cases import DISTRIBUTIONS, ELLIPTIC, SCATTERINGS, each
 from torch import Tensor
 
 from torchms import RoughConductor, RoughDielectric, RoughDiffuse, Scattering
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.fresnel import Conductor, Dielectric, Schlick
 from torchms.testing import estimate, p_value, zscore
 

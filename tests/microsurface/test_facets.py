@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from torchms.microsurface import GridTracer, Heightfield, Lambertian, Mirror, Refractive, simulate
+from torchms.microsurface import DielectricFacets, DiffuseFacets, GridTracer, Heightfield, MirrorFacets, simulate
 from torchms.microsurface.rays.grid import Grid, Paths
-from torchms.microsurface.simulation.facets import launch, philox_words
+from torchms.microsurface.simulation.launch import launch
+from torchms.microsurface.simulation.philox import philox_words
 
 FLAT = Heightfield.from_heights(np.zeros((16, 16)), 1.0, periodic=True)
 
@@ -59,7 +60,7 @@ def test_rays_start_uniformly_and_in_the_order_of_the_curve() -> None:
 @pytest.mark.parametrize("theta", [0.0, 0.5, 1.0, 1.5])
 def test_flat_glass_is_fresnel_and_snell(eta: float, theta: float) -> None:
     n = 200_000
-    tally = simulate(FLAT, Refractive(eta), direction(theta), n_rays=n, max_order=3, seed=8, tracer=GridTracer())
+    tally = simulate(FLAT, DielectricFacets(eta), direction(theta), n_rays=n, max_order=3, seed=8, tracer=GridTracer())
     ci, sin_t = math.cos(theta), math.sin(theta) / eta
     if sin_t >= 1:
         F = 1.0
@@ -85,7 +86,7 @@ def test_flat_mirror_reflects_with_the_fresnel_term() -> None:
         f0 = torch.tensor([0.9, 0.5, 0.1], dtype=c.dtype)
         return f0 + (1 - f0) * (1 - c[..., None]) ** 5
 
-    tally = simulate(FLAT, Mirror(schlick), direction(1.1), n_rays=1000, max_order=2, tracer=GridTracer())
+    tally = simulate(FLAT, MirrorFacets(schlick), direction(1.1), n_rays=1000, max_order=2, tracer=GridTracer())
     expected = schlick(torch.tensor(math.cos(1.1), dtype=torch.float64))
     assert tally.reflected[0].tolist() == pytest.approx(expected.tolist(), abs=1e-8)
     assert tally.info["absorbed"] == pytest.approx((1 - expected).tolist(), abs=1e-8)
@@ -94,7 +95,7 @@ def test_flat_mirror_reflects_with_the_fresnel_term() -> None:
 
 def test_flat_diffuse_is_lamberts_law() -> None:
     n = 400_000
-    tally = simulate(FLAT, Lambertian((0.5, 1.0)), direction(0.8), n_rays=n, max_order=2, tracer=GridTracer())
+    tally = simulate(FLAT, DiffuseFacets((0.5, 1.0)), direction(0.8), n_rays=n, max_order=2, tracer=GridTracer())
     assert tally.reflected[0].tolist() == pytest.approx([0.5, 1.0])
     assert tally.lobes is not None
     energy = tally.lobes.mean[3, :, :, 1] * tally.lobes.bin_sr
@@ -107,7 +108,9 @@ def test_flat_diffuse_is_lamberts_law() -> None:
     assert z.abs().max() < 5
 
 
-@pytest.mark.parametrize("material", [Mirror(), Refractive(1.5), Lambertian()], ids=["mirror", "glass", "diffuse"])
+@pytest.mark.parametrize(
+    "material", [MirrorFacets(), DielectricFacets(1.5), DiffuseFacets()], ids=["mirror", "glass", "diffuse"]
+)
 def test_directions_stay_unit_and_leave_the_facet(material) -> None:
     grid = Grid.of(Heightfield.gaussian(1.0, 0.3, size=128, seed=2))
     caster, n = GridTracer().bind(grid), 20_000
@@ -133,11 +136,11 @@ def test_directions_stay_unit_and_leave_the_facet(material) -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Refractive(1.0), r"eta=.*1.0"),
-        (lambda: Refractive(-2.0), r"eta=.*\[0.1, 10\].*-2.0"),
-        (lambda: Lambertian(1.5), r"albedo=.*\[0, 1\]; got 1.5"),
-        (lambda: Mirror(lambda c: c), r"fresnel=.*\(\.\.\., C\)"),
-        (lambda: Mirror(lambda c: 2 + c[..., None]), "fresnel="),
+        (lambda: DielectricFacets(1.0), r"eta=.*1.0"),
+        (lambda: DielectricFacets(-2.0), r"eta=.*\[0.1, 10\].*-2.0"),
+        (lambda: DiffuseFacets(1.5), r"albedo=.*\[0, 1\]; got 1.5"),
+        (lambda: MirrorFacets(lambda c: c), r"fresnel=.*\(\.\.\., C\)"),
+        (lambda: MirrorFacets(lambda c: 2 + c[..., None]), "fresnel="),
     ],
 )
 def test_bad_materials(make, message: str) -> None:

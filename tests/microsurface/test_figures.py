@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from torchms.cli.figures import run_figures
-from torchms.cli.simulate import FiguresOptions
+from torchms.cli.options import FiguresOptions
 from torchms.microsurface import GridTracer
 from torchms.microsurface.simulation.comparison import SIMULATION, Case, plane_of_incidence
 

@@ -15,7 +15,7 @@ import pytest
 import soak
 import torch
 
-from torchms.microsurface import GaussianSurfaces, GridTracer, Lambertian, Mirror, Refractive, simulate
+from torchms.microsurface import DielectricFacets, DiffuseFacets, GaussianSurfaces, GridTracer, MirrorFacets, simulate
 from torchms.microsurface.simulation.checkpoint import differences
 
 KEYS = ("reflected", "transmitted", "reflected_stderr", "transmitted_stderr", "lost", "slopes", "n", "segments")
@@ -58,11 +58,11 @@ def killed(folder: Path, rays: str, workers: int, out: Path) -> dict[str, int]:
 
 
 def expected(rays: float) -> dict:
-    from torchms.cli.simulate import direction
+    from torchms.maths.frame import direction
 
     tally = simulate(
         GaussianSurfaces(0.8, 0.3, count=3, size=128),
-        Refractive(1.5),
+        DielectricFacets(1.5),
         direction(1.1, 0.4),
         n_rays=int(rays),
         seed=3,
@@ -117,7 +117,7 @@ def test_two_workers_give_the_bits_of_one(tmp_path: Path) -> None:
 def run(folder: Path | None, **change):
     arguments = dict(
         surface=GaussianSurfaces(0.8, count=2, size=128),
-        material=Lambertian(0.9),
+        material=DiffuseFacets(0.9),
         wi=(0.6, 0.0, 0.8),
         n_rays=4000,
         max_order=4,
@@ -134,8 +134,8 @@ def run(folder: Path | None, **change):
     [
         (dict(seed=2), "seed = 1 where this run has 2"),
         (dict(max_order=5), "max_order = 4 where this run has 5"),
-        (dict(material=Lambertian(0.8)), r"material.albedo = \[0.9\] where this run has \[0.8\]"),
-        (dict(material=Mirror()), "material.material = Lambertian where this run has Mirror"),
+        (dict(material=DiffuseFacets(0.8)), r"material.albedo = \[0.9\] where this run has \[0.8\]"),
+        (dict(material=MirrorFacets()), "material.material = Lambertian where this run has Mirror"),
         (dict(surface=GaussianSurfaces(0.7, count=2, size=128)), "surface.alpha = 0.8 where this run has 0.7"),
         (dict(wi=(0.0, 0.0, 1.0)), "wi = "),
         (dict(lobes=False), "lobes = True where this run has False"),

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from torchms.cli.simulate import SimulateOptions, run_simulate
+from torchms.cli.options import SimulateOptions
+from torchms.cli.simulate import run_simulate
 from torchms.microsurface import Heightfield
 
 SMALL = dict(rays=4000.0, surfaces=2, size=128, tracer="grid", progress=False)
@@ -87,6 +88,6 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
 
 def test_options_load_nothing_heavy() -> None:
     heavy = "('torch', 'numpy', 'trimesh', 'numba')"
-    code = f"import sys, torchms.cli.simulate; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, torchms.cli.options; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2])
     assert done.stdout.strip() == "[]", done.stderr

@@ -11,7 +11,8 @@ import soak
 import tyro
 from forked import Forked
 
-from torchms.cli.simulate import SimulateOptions, run_simulate
+from torchms.cli.options import SimulateOptions
+from torchms.cli.simulate import run_simulate
 
 SIMULATION = "--material dielectric --alpha 0.8 --alpha-y 0.3 --theta 1.1 --seed 3 --surfaces 2 --size 128 --rays 1e6"
 OPTIONS = [*SIMULATION.split(), "--tracer", "grid", "--threads", "1", "--no-progress", "--force"]

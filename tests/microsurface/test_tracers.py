@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from torchms.microsurface import (
+    DielectricFacets,
+    DiffuseFacets,
     EmbreeTracer,
     FacetMaterial,
     GridTracer,
     Heightfield,
-    Lambertian,
-    Mirror,
-    Refractive,
+    MirrorFacets,
 )
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Tracer
-from torchms.microsurface.simulation.facets import launch
+from torchms.microsurface.simulation.launch import launch
 
 N = 40_000
 
@@ -62,7 +62,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("material", [Mirror(), Refractive(1.5)], ids=["mirror", "glass"])
+@pytest.mark.parametrize("material", [MirrorFacets(), DielectricFacets(1.5)], ids=["mirror", "glass"])
 @pytest.mark.parametrize("theta", [0.0, 1.0, 1.5])
 def test_embree_and_grid_walk_agree(scene: str, material: FacetMaterial, theta: float) -> None:
     grid = Grid.of(Heightfield.gaussian(*SCENES[scene], size=256, seed=11))
@@ -121,7 +121,7 @@ def test_against_every_triangle(tracer: Tracer, events: int) -> None:
     spectrum[0, 0] = 0
     spectrum[:, 3:] = 0
     grid = Grid.of(Heightfield.from_heights(3 * np.fft.irfft2(spectrum, s=(13, 19)), (1.0, 0.7), periodic=True))
-    p = bounced(grid, 300, 0.9, 0.4, 1, Lambertian()) if events else launched(grid, 300, 0.9, 0.4)
+    p = bounced(grid, 300, 0.9, 0.4, 1, DiffuseFacets()) if events else launched(grid, 300, 0.9, 0.4)
     if events == 2:
         p.side[:] = -1
         p.d *= -1

@@ -10,9 +10,9 @@ import pytest
 
 from torchms import GGX, GTR, Correlated, RoughConductor, Unidirectional
 from torchms.cli.export import build, run_export
+from torchms.cli.options import ExportOptions
 from torchms.fresnel import Ideal
 from torchms.onnx import Evaluator, export
-from torchms.onnx.options import ExportOptions
 
 ROOT = Path(__file__).parents[2]
 
@@ -69,7 +69,7 @@ def test_gtr_is_among_the_distributions() -> None:
 
 
 def test_options_need_no_torch() -> None:
-    code = "import sys, torchms.onnx.options; sys.exit(int('torch' in sys.modules or 'onnx' in sys.modules))"
+    code = "import sys, torchms.cli.options; sys.exit(int('torch' in sys.modules or 'onnx' in sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
 

@@ -15,8 +15,9 @@ from exported_files import FILES, graph_of
 from torchms import GGX, HeightWalk, RoughConductor, RoughDielectric, SingleBounce, Stream
 from torchms.fresnel import Conductor, Dielectric, Ideal
 from torchms.onnx import Evaluator, export
-from torchms.onnx.check import check, grid
 from torchms.onnx.exporter import checked, exported
+from torchms.onnx.parity.compare import check
+from torchms.onnx.parity.grid import grid
 from torchms.version import __version__
 
 File = Callable[[str], Path]

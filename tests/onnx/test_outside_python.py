@@ -14,7 +14,7 @@ import torch
 from exported_files import FILES, graph_of
 
 from torchms import Stream
-from torchms.onnx.check import grid
+from torchms.onnx.parity.grid import grid
 
 NODE = Path(__file__).parent / "node"
 
@@ -42,7 +42,7 @@ def run(path: Path, feeds: dict[str, torch.Tensor], tmp_path: Path) -> dict[str,
 
 
 def test_single_bounce(exported_file: Callable[[str], Path], tmp_path: Path) -> None:
-    from torchms.onnx.check import eagerly
+    from torchms.onnx.parity.eager import eagerly
 
     graph = graph_of("conductor-3")
     inputs = grid(graph, 2_000)

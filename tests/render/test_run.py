@@ -8,12 +8,12 @@ import trimesh
 
 from torchms import GGX, RoughConductor, RoughDielectric
 from torchms.cli.expression import parse_bsdf
+from torchms.cli.options import RenderOptions
 from torchms.cli.render import run_render
 from torchms.render.camera import Camera
 from torchms.render.film import render
 from torchms.render.images import linear, read_picture, srgb, write_picture
 from torchms.render.lights import ConstantLight, DirectionalLight, Environment
-from torchms.render.options import RenderOptions
 from torchms.render.scenes import load_shape
 
 SMALL = {"width": 12, "height": 9, "samples": 2}

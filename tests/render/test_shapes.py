@@ -10,7 +10,7 @@ from trimesh.visual import TextureVisuals
 
 from torchms.render.camera import Camera
 from torchms.render.mesh import Mesh
-from torchms.render.paths import vertex_at
+from torchms.render.paths import shading_point
 from torchms.render.scenes import BUILT_IN, load_shape, slab
 from torchms.render.shapes import Shape
 
@@ -94,7 +94,7 @@ def check_frames(shape: Shape, camera: Camera) -> None:
     origin, d = camera.rays(*grid(21), 1.0)
     hits = shape.intersect(origin, d)
     hits = type(hits)(*(part[hits.found] for part in hits))
-    vertex = vertex_at(hits, d[shape.intersect(origin, d).found], True, torch.float64)
+    vertex = shading_point(hits, d[shape.intersect(origin, d).found], True, torch.float64)
     axes = torch.stack([vertex.x, vertex.y, vertex.z], -2)
     eye = torch.eye(3, dtype=torch.float64).expand(len(axes), 3, 3)
     torch.testing.assert_close(axes @ axes.mT, eye, rtol=0, atol=1e-12)
@@ -152,7 +152,7 @@ def test_tangents_follow_the_texture(tmp_path):
         assert not shape.is_closed
         down = torch.tensor([[0.0, -1.0, 0.0]], dtype=torch.float64)
         hits = shape.intersect(torch.tensor([[0.3, 1.0, -0.4]], dtype=torch.float64), down)
-        vertex = vertex_at(hits, down, True, torch.float64)
+        vertex = shading_point(hits, down, True, torch.float64)
         torch.testing.assert_close(vertex.x, torch.tensor([[0.0, 0.0, -1.0 * sign]], dtype=torch.float64))
 
 

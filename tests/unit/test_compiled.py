@@ -21,6 +21,7 @@ from torchms import (
 )
 from torchms.approximations import AlbedoTable
 from torchms.bsdfs import compile as compiled
+from torchms.evaluation import engine, program
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = 64
@@ -29,12 +30,13 @@ CLOSE = {"rtol": 2e-4, "atol": 2e-6}
 
 
 @pytest.fixture(autouse=True)
-def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks so small that batches need several of them."""
+def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts for a thread so small that batches need several of them."""
     if compiled._missing_compiler():
         pytest.skip("torchms.compile needs a C++ compiler")
-    monkeypatch.setattr(compiled, "BLOCK", SMALL)
-    monkeypatch.setattr(compiled, "BLOCK_SINGLE", SMALL)
+    monkeypatch.setattr(engine, "_programs", {})
+    for name in ("PIECE", "ELEMENTS", "PATHS"):
+        monkeypatch.setattr(program, name, SMALL)
 
 
 def directions(rows: int, generator: torch.Generator) -> torch.Tensor:
@@ -151,7 +153,7 @@ def test_built_anew_in_every_step(generator: torch.Generator, monkeypatch: pytes
         same(gradients[0], gradients[1])
         steps.append(gradients[0][0])
     assert not torch.equal(*steps) and len(counted) == 1
-    # Constants of the graph belong to their object: here the tables of the lost energy.
+    # The one has two tables, the other has one: a code for each.
     halved = AlbedoTable.packaged("GGX")
     halved.c_round.mul_(0.5)
     tables = [torchms.KullaConty(), torchms.KullaConty(halved)]

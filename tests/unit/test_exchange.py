@@ -10,8 +10,8 @@ from torch.nn.utils import parametrize
 from torchms import GGX, GTR, KullaConty, RoughConductor, SingleBounce
 from torchms.fresnel import Conductor, Ideal, Schlick
 from torchms.maths.frame import Vec3
-from torchms.onnx.check import grid
 from torchms.onnx.exporter import checked
+from torchms.onnx.parity.grid import grid
 from torchms.parameters.declared import Parametric
 from torchms.parameters.exchange import declarations, parameters, weights, with_parameters
 from torchms.paths.vertex import Vertex

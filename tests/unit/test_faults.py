@@ -23,7 +23,7 @@ import torch
 from hostile import FLIPS, TRUNCATIONS, damaged
 
 from torchms.approximations import AlbedoTable
-from torchms.microsurface import GaussianSurfaces, Lambertian, simulate
+from torchms.microsurface import DiffuseFacets, GaussianSurfaces, simulate
 from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.storage import write as files
 from torchms.storage.archives import read_arrays
@@ -54,7 +54,7 @@ def test_damaged_shards_are_traced_again(tmp_path, seed):
     def run() -> torch.Tensor:
         surface = GaussianSurfaces(0.8, count=1, size=128)
         arguments = dict(n_rays=400, max_order=2, seed=1, tracer=GridTracer(), lobes=False, rays_per_shard=200)
-        return simulate(surface, Lambertian(0.9), (0.6, 0.0, 0.8), checkpoint=tmp_path, **arguments).reflected
+        return simulate(surface, DiffuseFacets(0.9), (0.6, 0.0, 0.8), checkpoint=tmp_path, **arguments).reflected
 
     right = run()
     shard = sorted(tmp_path.glob("shard-*.npz"))[0]

@@ -8,7 +8,7 @@ from torch import Tensor
 from torchms import GGX, Bidirectional, HeightWalk, Invariance, Unidirectional
 from torchms.maths.frame import Vec3, split
 from torchms.maths.numerics import score
-from torchms.paths.held import hold
+from torchms.paths.detached import detached
 
 
 def knots(low: Tensor, high: Tensor) -> tuple[Tensor, ...]:
@@ -26,7 +26,7 @@ def test_score_is_one_with_the_gradient_of_the_logarithm():
 
 def test_nothing_moves_without_knots_that_move(generator):
     d = directions(50, generator).requires_grad_()
-    held, growth = hold(split(d), ())
+    held, growth = detached(split(d), ())
     assert growth is None and not any(x.requires_grad for x in held)
     torch.testing.assert_close(torch.stack(held, -1), d.detach())
 
@@ -39,7 +39,7 @@ def test_moves_with_the_knots(n, generator):
     index = None if n is None else torch.tensor(n, dtype=torch.float64)
     outer = torch.tensor(1.5, dtype=torch.float64)
     ends = knots(low, high) if n is None else (*knots(low, high), -outer, outer)
-    held, growth = hold(d, ends, index)
+    held, growth = detached(d, ends, index)
     assert growth is not None
     torch.testing.assert_close(torch.stack(held, -1).detach(), torch.stack(d, -1))
     torch.testing.assert_close(growth.detach(), torch.ones_like(growth))
@@ -61,7 +61,7 @@ def test_moves_with_the_knots(n, generator):
 def test_finite_at_the_poles_and_on_a_knot(pole):
     low = torch.tensor([pole, 0.0, -1.0], dtype=torch.float64, requires_grad=True)
     d = Vec3(*torch.tensor([[0.0] * 3, [0.0] * 3, [pole] * 3], dtype=torch.float64))
-    held, growth = hold(d, knots(low, low.detach() + 0.5))
+    held, growth = detached(d, knots(low, low.detach() + 0.5))
     assert growth is not None
     (gradient,) = torch.autograd.grad((held.x + held.z + growth).sum(), low)
     assert gradient.isfinite().all()

@@ -202,7 +202,7 @@ REFUSED = {
         r"albedo.*channel.*\(3, 0\)",
     ),
     "ragged": (lambda: Schlick([[0.1], [0.1, 0.2]]), TypeError, r"f0=\.\.\.\) must hold real numbers.*\[\[0\.1\]"),
-    "words": (lambda: GGX(["rough"]), TypeError, r"GGX\(alpha=\.\.\.\) must hold real numbers.*'rough'"),
+    "words": (lambda: GGX(["rough"]), TypeError, r"GGX\(alpha=\.\.\.\) must be one number.*'rough'"),
     "complex channels": (
         lambda: Conductor([0.2 + 3j], 0.0),
         TypeError,

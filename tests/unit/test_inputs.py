@@ -13,7 +13,7 @@ import torch
 import trimesh
 from PIL import Image
 
-from torchms.microsurface import GaussianSurfaces, Heightfield, Lambertian, simulate
+from torchms.microsurface import DiffuseFacets, GaussianSurfaces, Heightfield, simulate
 from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.render.images import exr_bytes, read_picture
 from torchms.render.scenes import load_shape
@@ -224,5 +224,5 @@ def test_forged_configurations(content: bytes, says: str, tmp_path: Path) -> Non
     (tmp_path / "configuration.json").write_bytes(content)
     surface, arguments = GaussianSurfaces(0.8, count=1, size=128), dict(n_rays=10, seed=1, tracer=GridTracer())
     with pytest.raises(ValueError, match=says) as caught:
-        simulate(surface, Lambertian(0.9), (0.6, 0.0, 0.8), checkpoint=tmp_path, **arguments)
+        simulate(surface, DiffuseFacets(0.9), (0.6, 0.0, 0.8), checkpoint=tmp_path, **arguments)
     assert "configuration" in str(caught.value) and len(str(caught.value)) < 12_000

@@ -15,7 +15,7 @@ from torchms.testing import estimate, exactly, p_value, zscore
 RTOL, ATOL = TOLERANCES[torch.float64]
 LENGTHS = range(1, 8)
 EXAMPLE = (-1.7, -1.3, 0.8, -2.3, 0.8)
-"""The diffuse path of THEORY section 4, for which the two-term recursion gives 0."""
+"""The diffuse path of docs/theory.md, section 4, for which the two-term recursion gives 0."""
 
 
 def sequences(k: int, n: int, generator: torch.Generator, mirror: bool = False) -> Tensor:
@@ -29,9 +29,9 @@ def sequences(k: int, n: int, generator: torch.Generator, mirror: bool = False) 
 
 
 def height_walk(Lambda: tuple[float, ...]) -> float:
-    """Probability that the walk of THEORY section 6 along these directions leaves exactly after the last, in closed form.
+    """Probability that the walk of docs/theory.md, section 6, along these directions leaves exactly after the last.
 
-    The density of U is a sum of powers c U^s on (0, 1), here {s: c}, at every bounce: a descent maps p(U) to
+    In closed form: the density of U is a sum of powers c U^s on (0, 1), here {s: c}, at every bounce: a descent maps p(U) to
     ∫_U'^1 p(U) λ U'^(λ−1) U^−λ dU, a blocked ascent to ∫_0^U' p(U) Λ U^Λ U'^(−Λ−1) dU; an escape is ∫ p(U) U^Λ dU.
     """
     first, *middle, last = (Fraction(lam) for lam in Lambda)  # exact: the sum cancels
@@ -63,7 +63,7 @@ def test_invariance_is_the_height_walk(k, generator):
 
 
 def test_the_example_that_refutes_two_terms():
-    """Truth 0.219 [THEORY section 4]; the recursion of [Cui2023] gives 0, since it never sees the middle split."""
+    """Truth 0.219 [docs/theory.md, section 4]; the recursion of [Cui2023] gives 0, since it never sees the middle split."""
     path = torch.tensor(EXAMPLE, dtype=torch.float64)
     assert height_walk(EXAMPLE) == pytest.approx(0.219, abs=5e-4)
     assert float(normalised(Invariance(), path)) == pytest.approx(height_walk(EXAMPLE), rel=1e-12)

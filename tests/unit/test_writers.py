@@ -23,7 +23,8 @@ from torchms import cli
 from torchms.cli import energy, figures, render
 from torchms.cli import export as command
 from torchms.microsurface import Heightfield
-from torchms.onnx import check, exporter, table
+from torchms.onnx import exporter
+from torchms.onnx.parity import compare, table
 from torchms.render.images import read_picture
 from torchms.storage.media import read_mesh
 from torchms.testing import chi_square
@@ -136,7 +137,7 @@ def writer(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     """Name of a writer; programs of minutes give canned bytes."""
     for module in (command, exporter):
         monkeypatch.setattr(module, "exported", lambda *arguments, **named: CANNED)
-    monkeypatch.setattr(check, "check", lambda *arguments: None)
+    monkeypatch.setattr(compare, "check", lambda *arguments: None)
     monkeypatch.setattr(table.Entry, "of", lambda name, *arguments: table.Entry(name, refused="canned"))
     monkeypatch.setattr(generate_tables, "generated", lambda name: CANNED)
     monkeypatch.setattr(generate_metals, "generate", lambda: {"metals": ["x" * 100] * 1000})

@@ -28,7 +28,7 @@ SQUARE_ROOT = {"GGX": True, "Beckmann": False}
 """Whether the energy has a singularity at grazing incidence (like μ ln μ) that a root in t takes away."""
 
 
-class View(NamedTuple):
+class Coordinates(NamedTuple):
     """Coordinates of a direction: t in [0, 1] from grazing to the pole, s_x, s_y, and p."""
 
     t: Tensor
@@ -37,7 +37,7 @@ class View(NamedTuple):
     p: Tensor
 
 
-def view(w: Vec3, ax: Tensor, ay: Tensor, square_root: bool) -> View:
+def view(w: Vec3, ax: Tensor, ay: Tensor, square_root: bool) -> Coordinates:
     """Coordinates of `w`; below the horizon those of a grazing direction."""
     z = w.z.clamp_min(horizon(w.z.dtype))
     sx, sy = ax * w.x, ay * w.y
@@ -49,7 +49,7 @@ def view(w: Vec3, ax: Tensor, ay: Tensor, square_root: bool) -> View:
     m = (ax + ay) / 2
     # The energy lost is at most about sin² + m²: what a smooth surface loses goes to zero with it.
     p = (sin2 + m * m) / (1 + m * m)
-    return View(safe_sqrt(t) if square_root else t, sx * inverse, sy * inverse, p)
+    return Coordinates(safe_sqrt(t) if square_root else t, sx * inverse, sy * inverse, p)
 
 
 def stretched_cosine(t: Tensor, square_root: bool) -> Tensor:

@@ -55,6 +55,8 @@ class Distilled(Scattering):
     facets of which no file is are refused with a ValueError.
     """
 
+    sources = ("Wang2022", "Cui2023")
+
     max_order = 4
     is_unbiased = False
     is_reciprocal = True

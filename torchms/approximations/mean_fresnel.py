@@ -1,10 +1,10 @@
 """Mean Fresnel reflectance over the hemisphere, F_avg = 2 ∫ F(μ) μ dμ."""
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from torchms.fresnel.base import Fresnel
+from torchms.maths.constants import constants
 
 NODES = 24
 
@@ -26,7 +26,7 @@ def mean_fresnel(fresnel: Fresnel, like: Tensor) -> Tensor:
     dielectrics is below 1e-6. Differentiable in every parameter of `fresnel`.
     """
     axes = (1,) * (like.ndim - 1)
-    cosines = torch.tensor(COSINES, dtype=like.dtype, device=like.device).reshape(-1, *axes)
-    weights = torch.tensor(WEIGHTS, dtype=like.dtype, device=like.device).reshape(-1, *axes)
+    cosines = constants(COSINES, like).reshape(-1, *axes)
+    weights = constants(WEIGHTS, like).reshape(-1, *axes)
     # The nodes take the place of the paths: parameters line up with the axes behind.
     return (fresnel.reflectance(cosines) * weights).sum(1, keepdim=True)

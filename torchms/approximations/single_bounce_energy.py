@@ -16,7 +16,7 @@ from torchms.distributions.base import EllipticDistribution
 from torchms.maths.frame import Vec3, reflect, split
 from torchms.paths.masking import escape_correlated
 
-BLOCK = 1 << 20
+SLOPES_AT_ONCE = 1 << 20
 """Slopes that are evaluated at a time."""
 
 
@@ -58,7 +58,7 @@ def energy_lost(
     kind: type[EllipticDistribution], wi: Tensor, ax: Tensor, ay: Tensor, n_azimuth: int = 64, n_radius: int = 24
 ) -> Tensor:
     """1 − E of one bounce off facets with F = 1; wi (n, 3), ax and ay (n), float64."""
-    step = max(1, BLOCK // (2 * n_azimuth))
+    step = max(1, SLOPES_AT_ONCE // (2 * n_azimuth))
     parts = []
     for rows in torch.arange(len(wi)).split(step):
         distribution = with_alphas(kind, ax[rows], ay[rows])

@@ -1,20 +1,24 @@
 """The public surface of every BSDF."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
+from torchms.bsdfs import kernels
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.evaluation import blocks
-from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_unit, check_unit_interval
+from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values, given_batches
+from torchms.evaluation.kernel import Kernel
+from torchms.evaluation.numbers import source
 from torchms.maths.frame import Vec3, check_direction
 from torchms.maths.numerics import own_precision, widened
 from torchms.parameters.declared import Parametric
 from torchms.parameters.exchange import declarations
+from torchms.parameters.maps import fitted
 from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
@@ -48,7 +52,7 @@ class Albedo(NamedTuple):
     transmitted: Tensor
 
 
-class BSDF(Parametric):
+class BSDF(Parametric, ABC):
     """A surface: a distribution of microfacets, what one facet does, and how the bounces are summed.
 
     Directions are unit vectors in the local frame (+z is the macro-normal) that point away from the surface; a value is
@@ -90,6 +94,11 @@ class BSDF(Parametric):
     def n_channels(self) -> int:
         """C, the channels of a value."""
 
+    @property
+    def is_lossless(self) -> bool:
+        """Whether facets absorb nothing, so that light is lost only with orders that are not counted."""
+        return False
+
     def _unit_of(self, wi: Vec3, wo: Vec3) -> Tensor | None:
         """What a value is multiplied by for the quantity that is transported; None for no factor."""
         return None
@@ -111,6 +120,12 @@ class BSDF(Parametric):
         others = (x.dtype for x in (*self.parameters(), *self.buffers()))
         return next(declared, None) or next(others, torch.get_default_dtype())
 
+    @property
+    def device(self) -> torch.device:
+        """Device of the tensors, and so of `uniforms`; the default one if there are none."""
+        given = next(iter((*self.parameters(), *self.buffers())), None)
+        return torch.get_default_device() if given is None else given.device
+
     def uniforms(
         self,
         batch_shape: Sequence[int],
@@ -118,13 +133,21 @@ class BSDF(Parametric):
         *,
         generator: torch.Generator | None = None,
         sequence: str = "random",
+        device: torch.device | str | None = None,
     ) -> Uniforms:
         """Random numbers for one call of any method: `(*batch_shape, n_paths, n_uniforms)` in [0, 1).
 
-        `sequence` is "random" or "sobol" (scrambled, rotated a row). Raises ValueError for another one.
+        `sequence` is "random" or "sobol" (scrambled, rotated a row). Raises ValueError for another one. `device`: None
+        takes that of the parameters; a `generator` of another device draws there.
         """
         return uniform_numbers.draw(
-            batch_shape, n_paths, self.n_uniforms, generator=generator, sequence=sequence, dtype=self.dtype
+            batch_shape,
+            n_paths,
+            self.n_uniforms,
+            generator=generator,
+            sequence=sequence,
+            dtype=self.dtype,
+            device=self.device if device is None else device,
         )
 
     def forward(
@@ -138,33 +161,31 @@ class BSDF(Parametric):
         float16 and bfloat16 arguments are widened to float32, also under `torch.autocast`. Raises ValueError if a shape
         or a device does not fit, or `block` is not above 0 or given to compiled code, TypeError for a dtype that does not.
         """
-        exact = self.scattering.is_deterministic(self.vertex)
-        return self._run(_forward, {"wi": wi, "wo": wo}, u, "forward", block, optional=exact)[0]
+        return self._run(kernels.FORWARD, {"wi": wi, "wo": wo}, u, block)[0]
 
     def orders(
         self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None
     ) -> Orders:
         """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
-        exact = self.scattering.is_deterministic(self.vertex)
-        return self._run(_orders, {"wi": wi, "wo": wo}, u, "orders", block, optional=exact)[0]
+        return self._run(kernels.ORDERS, {"wi": wi, "wo": wo}, u, block)[0]
 
     def sample(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> DirectionSample:
         """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
 
         For a `wi` on a side that the surface does not serve, pdf = 0.
         """
-        return DirectionSample(*self._run(_sample, {"wi": wi}, u, "sample", block, per_path=True))
+        return DirectionSample(*self._run(kernels.SAMPLE, {"wi": wi}, u, block))
 
     def pdf(self, wi: Direction, wo: Direction, *, block: int | None = None) -> Scalar:
         """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
-        return self._run(_pdf, {"wi": wi, "wo": wo}, None, "pdf", block, optional=True)[0]
+        return self._run(kernels.PDF, {"wi": wi, "wo": wo}, None, block)[0]
 
     def sample_walk(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> WalkSample:
         """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
 
         Its expectation is that of the model in the scattering slot.
         """
-        wo, weight, order = self._run(_walk, {"wi": wi}, u, "sample_walk", block, per_path=True)
+        wo, weight, order = self._run(kernels.WALK, {"wi": wi}, u, block)
         return WalkSample(wo, weight, order.to(torch.int64))
 
     def albedo(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> Albedo:
@@ -172,89 +193,36 @@ class BSDF(Parametric):
 
         No η² factor, whatever the mode.
         """
-        return Albedo(*self._run(_albedo, {"wi": wi}, u, "albedo", block))
+        return Albedo(*self._run(kernels.ALBEDO, {"wi": wi}, u, block))
 
     def _run(
-        self,
-        kernel: blocks.Kernel,
-        directions: dict[str, Tensor],
-        u: Tensor | Stream | None,
-        caller: str,
-        block: int | None,
-        *,
-        optional: bool = False,
-        per_path: bool = False,
+        self, kernel: Kernel, directions: dict[str, Tensor], u: Tensor | Stream | None, block: int | None
     ) -> tuple[Tensor, ...]:
-        """`kernel` over blocks, after all that is given has been looked at."""
+        """`kernel` by the engine, or in blocks, after all that is given has been looked at."""
+        engine = self.engine
+        if (
+            engine is not None
+            and block is None
+            and (recent := engine.recent(kernel, self, tuple(directions.values()), u))
+        ):
+            check_values(self, directions, u if kernel.draws(self) else None)
+            return engine.again(recent, tuple(directions.values()), u)
         for name, w in directions.items():
             check_direction(w, name)
-        check_random(u, self.n_uniforms, optional, caller)
-        check_block(block, self.engine is not None, caller)
+        n_uniforms = self.n_uniforms
+        optional = not kernel.draws(self)
+        check_random(u, n_uniforms, optional, kernel.name)
+        check_block(block, engine is not None, kernel.name)
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
-        check_unit(directions)
         if optional:
             u = None
+        check_values(self, directions, u)
+        surface = fitted(self, *given_batches(directions, u))
         if isinstance(u, Tensor):
-            check_unit_interval(u)
             u = widened(u)
         given = [widened(w) for w in directions.values()]
+        numbers = source(u, n_uniforms, self.dtype)
         with own_precision(given[0]):
-            return blocks.run(kernel, self, given, u, per_path=per_path, block=block)
-
-
-# The kernels: functions of components. Values are (C, N, …) with N = 1 where nothing was drawn.
-
-
-def _values(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
-    values = [value.mean(1) for value in bsdf.scattering.evaluate(bsdf.vertex, wi, wo, u)]
-    unit = bsdf._unit_of(wi, wo)
-    return values if unit is None else [value * unit for value in values]
-
-
-def _forward(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
-    first, *rest = _values(bsdf, wi, wo, u)
-    return (sum(rest, first),)
-
-
-def _orders(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
-    return (torch.stack(torch.broadcast_tensors(*_values(bsdf, wi, wo, u))),)
-
-
-def _sample(bsdf: BSDF, wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
-    wo = bsdf.proposal.sample(wi, u)
-    pdf = bsdf.proposal.density(wi, wo)
-    return torch.stack(torch.broadcast_tensors(*wo)), pdf
-
-
-def _pdf(bsdf: BSDF, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
-    return (bsdf.proposal.density(wi, wo).mean(0),)
-
-
-def _walk(bsdf: BSDF, wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
-    # The escape probabilities of one walk sum to one: number 0 picks the bounce after which it leaves.
-    left = torch.zeros_like(u[0])
-    x, y, z = torch.zeros_like(left), torch.zeros_like(left), torch.ones_like(left)
-    order = torch.zeros_like(left)
-    weight: Tensor | None = None
-    for k, leg in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u), start=1):
-        after = left + leg.escapes
-        now = (u[0] >= left) & (u[0] < after)
-        left = after
-        carried = leg.weight
-        unit = bsdf._unit_of(wi, leg.d)
-        if unit is not None:
-            carried = carried * unit
-        x, y, z = torch.where(now, leg.d.x, x), torch.where(now, leg.d.y, y), torch.where(now, leg.d.z, z)
-        order = torch.where(now, float(k), order)
-        weight = torch.where(now, carried, 0.0 if weight is None else weight)
-    assert weight is not None
-    return torch.stack(torch.broadcast_tensors(x, y, z)), weight, order
-
-
-def _albedo(bsdf: BSDF, wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
-    reflected, transmitted = [], []
-    for leg in bsdf.scattering.walk(bsdf.vertex, wi, u):
-        energy = leg.weight * leg.escapes
-        reflected.append(torch.where(leg.transmitted, 0.0, energy).mean(1))
-        transmitted.append(torch.where(leg.transmitted, energy, 0.0).mean(1))
-    return torch.stack(torch.broadcast_tensors(*reflected)), torch.stack(torch.broadcast_tensors(*transmitted))
+            if engine is not None:
+                return engine.run(kernel, surface, given, numbers)
+            return blocks.run(kernel, surface, given, numbers, block)

@@ -16,6 +16,8 @@ class RoughConductor(BSDF):
     scattering: `Unidirectional(Invariance(), max_order=8)` if it is not given.
     """
 
+    sources = ("Heitz2014",)
+
     def __init__(
         self, distribution: MicrofacetDistribution, fresnel: Fresnel, scattering: Scattering | None = None
     ) -> None:
@@ -27,6 +29,10 @@ class RoughConductor(BSDF):
             )
         self.fresnel = fresnel
         self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
+
+    @property
+    def is_lossless(self) -> bool:
+        return self.fresnel.is_lossless
 
     @property
     def vertex(self) -> Mirror:

@@ -19,6 +19,8 @@ class RoughDiffuse(BSDF):
     order included: the facet is drawn. Raises ValueError if the albedo is outside its range.
     """
 
+    sources = ("Heitz2014", "HeitzDupuy2015")
+
     reflectance: Tensor
     """The albedo of a facet, (*batch C); `albedo` is what the whole surface reflects."""
 
@@ -32,6 +34,10 @@ class RoughDiffuse(BSDF):
         remedy = "A facet cannot reflect more than it receives."
         self.declare("reflectance", albedo, low=0.0, high=1.0, channels=True, remedy=remedy, argument="albedo")
         self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
+
+    @property
+    def is_lossless(self) -> bool:
+        return bool((self.reflectance == 1).all())
 
     @property
     def vertex(self) -> Diffuse:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from torchms.cli.commands import COMMANDS, main
     from torchms.cli.expression import parse_bsdf
+    from torchms.cli.options import RenderOptions
     from torchms.cli.render import run_render
-    from torchms.render.options import RenderOptions
 
 _HOME = {
     "COMMANDS": "torchms.cli.commands",
-    "RenderOptions": "torchms.render.options",
+    "RenderOptions": "torchms.cli.options",
     "main": "torchms.cli.commands",
     "parse_bsdf": "torchms.cli.expression",
     "run_render": "torchms.cli.render",

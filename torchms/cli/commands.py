@@ -6,10 +6,7 @@ from importlib import import_module
 
 import tyro
 
-from torchms.cli.simulate import FiguresOptions, SimulateOptions
-from torchms.cli.surface import EnergyOptions
-from torchms.onnx.options import ExportOptions
-from torchms.render.options import RenderOptions
+from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, RenderOptions, SimulateOptions
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
@@ -37,7 +34,18 @@ def _function(path: str) -> Callable[[object], None]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; the exit code is 0, 2 for arguments that do not fit, 130 when interrupted."""
-    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+    try:
+        return _run(sys.argv[1:] if arguments is None else arguments)
+    except (ValueError, TypeError, OSError, ImportError) as error:
+        print(f"torchms: error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("torchms: interrupted; no result was written.", file=sys.stderr)
+        return 130
+
+
+def _run(arguments: list[str]) -> int:
+    if arguments == ["--version"]:
         print(f"torchms {__version__}")
         return 0
     options = tyro.extras.subcommand_cli_from_dict(
@@ -47,16 +55,5 @@ def main(arguments: list[str] | None = None) -> int:
         args=arguments,
     )
     run = next(path for kind, path in COMMANDS.values() if isinstance(options, kind))
-    try:
-        _function(run)(options)
-    except (ValueError, TypeError, OSError, ImportError) as error:
-        print(f"torchms: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("torchms: interrupted; nothing was written.", file=sys.stderr)
-        return 130
+    _function(run)(options)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,81 +1,21 @@
-"""The energy table: what leaves after each bounce, in every model, side by side."""
+"""`torchms energy`: what leaves after each bounce, in every model, side by side."""
 
-import math
 from typing import Any
 
 import torch
 
-from torchms.approximations import KullaConty, Turquin
-from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-from torchms.cli.surface import EnergyOptions, SurfaceOptions
-from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
-from torchms.estimators import HeightWalk, Scattering, SingleBounce, Unidirectional
-from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
-from torchms.lobes.measure import incident_angles, measure
+from torchms.bsdfs import BSDF
+from torchms.bsdfs.named import SCATTERINGS
+from torchms.cli.arguments import check_angles, parse_count
+from torchms.cli.description import described, is_given
+from torchms.cli.options import EnergyOptions
+from torchms.lobes.measure import measure
 from torchms.lobes.tally import Tally
-from torchms.paths.segments import Correlated, Invariance, Uncorrelated
+from torchms.maths.frame import direction
 from torchms.storage.write import check_writable, write_json
-
-DISTRIBUTIONS = {"ggx": GGX, "beckmann": Beckmann}
-MODELS = {
-    "uncorrelated": lambda K: Unidirectional(Uncorrelated(), K),
-    "correlated": lambda K: Unidirectional(Correlated(), K),
-    "invariance": lambda K: Unidirectional(Invariance(), K),
-    "height-walk": HeightWalk,
-    "single-bounce": lambda K: SingleBounce(),
-    "kulla-conty": lambda K: KullaConty(),
-    "turquin": lambda K: Turquin(),
-}
 
 PARTIAL = ("invariance", "kulla-conty", "turquin")
 """Models that do not hold for every material: among others they are left out, alone they are refused."""
-
-
-def parse_alpha(text: str) -> list[float]:
-    """ "0.5" or "0.5,0.2" as [α] or [α_x, α_y]; ValueError otherwise."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in (1, 2):
-        raise ValueError(f"--alpha must be one number or two with a comma, such as 0.5 or 0.5,0.2; got {text!r}.")
-    return values
-
-
-def parse_count(text: str, name: str, low: int) -> int:
-    """A whole number that may be written as 1e6; ValueError if it is none or less than `low`."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value == int(value) and value >= low):
-        raise ValueError(f"{name} must be a whole number of at least {low}, such as 1e6; got {text!r}.")
-    return int(value)
-
-
-def build_distribution(name: str, alpha: str, gamma: float | None) -> MicrofacetDistribution:
-    """The distribution that --distribution, --alpha and --gamma describe; ValueError if they do not fit together."""
-    alphas = parse_alpha(alpha)
-    if name == "gtr":
-        if len(alphas) > 1:
-            raise ValueError(f"--distribution gtr is isotropic: --alpha must be one number; got {alpha!r}.")
-        return GTR(alphas[0], 2.0 if gamma is None else gamma)
-    if gamma is not None:
-        raise ValueError(f"--gamma goes with --distribution gtr; got --distribution {name}.")
-    return DISTRIBUTIONS[name](*alphas)
-
-
-def build(options: SurfaceOptions, scattering: Scattering) -> BSDF:
-    """The BSDF that the options describe: material, distribution and their numbers."""
-    distribution = build_distribution(options.distribution, options.alpha, options.gamma)
-    if options.material == "conductor":
-        fresnel: Fresnel = Ideal() if options.metal is None else Conductor.metal(options.metal)
-        return RoughConductor(distribution, fresnel, scattering)
-    if options.metal is not None:
-        raise ValueError(f"--metal goes with --material conductor; got --material {options.material}.")
-    if options.material == "dielectric":
-        return RoughDielectric(distribution, Dielectric(options.eta), scattering)
-    return RoughDiffuse(distribution, options.albedo, scattering)
 
 
 def run_energy(options: EnergyOptions) -> None:
@@ -84,47 +24,58 @@ def run_energy(options: EnergyOptions) -> None:
     if options.json is not None:
         check_writable(options.json, options.force)
     for theta in options.theta:
-        if not 0 <= theta < math.pi / 2:
-            raise ValueError(f"--theta must lie in [0, pi/2) radians; got {theta:g}.")
-    bsdfs: dict[str, BSDF] = {}
-    left_out: dict[str, str] = {}
-    for name in options.models:
-        scattering = MODELS[name](options.max_order)
-        try:
-            bsdfs[name] = build(options, scattering)
-        except ValueError as error:
-            if name not in PARTIAL or len(options.models) == 1:
-                raise
-            left_out[name] = str(error)
-    if not bsdfs:
-        raise ValueError("; ".join(left_out.values()))
-
+        check_angles(theta, options.phi)
+    bsdfs, left_out = _modelled(options)
     tallies: dict[tuple[float, str], Tally] = {}
     for theta in options.theta:
-        wi = incident_angles(theta, options.phi, dtype=torch.float32)
         for name, bsdf in bsdfs.items():
+            wi = direction(theta, options.phi, dtype=torch.float32)
             tallies[theta, name] = measure(bsdf, wi, n_paths=n_paths, seed=options.seed)
-    print(_table(options, tallies, list(bsdfs)))
+    transmits = any(bsdf.vertex.transmits for bsdf in bsdfs.values())
+    print(_table(options, tallies, list(bsdfs), transmits))
     for name, reason in left_out.items():
         print(f"{name}: left out. {reason}")
     if options.json is not None:
         write_json(options.json, _document(options, tallies, left_out), options.force)
 
 
+def _modelled(options: EnergyOptions) -> tuple[dict[str, BSDF], dict[str, str]]:
+    """The surface in each model, and why others are left out."""
+    if options.bsdf is not None and not is_given(options, "models"):
+        bsdf = described(options)
+        return {type(bsdf.scattering).__name__: bsdf}, {}
+    bsdfs: dict[str, BSDF] = {}
+    left_out: dict[str, str] = {}
+    for name in options.models:
+        scattering = SCATTERINGS[name](options.max_order)
+        try:
+            bsdfs[name] = described(options, scattering)
+        except ValueError as error:
+            if name not in PARTIAL or len(options.models) == 1:
+                raise
+            left_out[name] = str(error)
+    if not bsdfs:
+        raise ValueError("; ".join(left_out.values()))
+    return bsdfs, left_out
+
+
 def _title(options: EnergyOptions) -> str:
+    walks = f"{options.samples} walks an entry, seed {options.seed}"
+    if options.bsdf is not None:
+        return f"{options.bsdf}, {walks}"
     what = {
         "conductor": f"conductor {options.metal or 'with F = 1'}",
         "dielectric": f"dielectric with eta = {options.eta:g}, lit from outside",
         "diffuse": f"diffuse facets of albedo {options.albedo:g}",
     }[options.material]
+    alpha = options.alpha if options.alpha_y is None else f"{options.alpha},{options.alpha_y:g}"
     gamma = "" if options.gamma is None else f", gamma = {options.gamma:g}"
-    facets = f"{options.distribution} alpha = {options.alpha}{gamma}"
-    return f"{what}, {facets}, {options.samples} walks an entry, seed {options.seed}"
+    return f"{what}, {options.distribution} alpha = {alpha}{gamma}, {walks}"
 
 
-def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], models: list[str]) -> str:
+def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], models: list[str], transmits: bool) -> str:
     """The table as text: a row for every angle and order, a column for every model (two where light is transmitted)."""
-    sides = ("R", "T") if options.material == "dielectric" else ("R",)
+    sides = ("R", "T") if transmits else ("R",)
     header = ["theta", "k"] + [f"{name} {'E_' + side.lower()}" for name in models for side in sides]
     rows = [header]
     for theta in options.theta:

@@ -4,36 +4,20 @@ from pathlib import Path
 
 import torch
 
-from torchms.approximations import KullaConty, Turquin
 from torchms.bsdfs import BSDF
-from torchms.cli import energy
-from torchms.estimators import Bidirectional, HeightWalk, SingleBounce, Unidirectional
-from torchms.onnx.check import check
+from torchms.cli.arguments import parse_count
+from torchms.cli.description import described, scattering_of
+from torchms.cli.options import ExportOptions
+from torchms.onnx.evaluator import runtime
 from torchms.onnx.exporter import checked, exported
-from torchms.onnx.options import ExportOptions
-from torchms.onnx.table import FOOTNOTE, Entry, table
-from torchms.paths.segments import Correlated, Invariance, Uncorrelated
+from torchms.onnx.parity.compare import check
+from torchms.onnx.parity.table import FOOTNOTE, Entry, table
 from torchms.storage.write import check_writable, write_json, write_whole
-
-SCATTERINGS = {
-    "single-bounce": lambda K: SingleBounce(),
-    "uncorrelated": lambda K: Unidirectional(Uncorrelated(), K),
-    "correlated": lambda K: Unidirectional(Correlated(), K),
-    "invariance": lambda K: Unidirectional(Invariance(), K),
-    "height-walk": HeightWalk,
-    "bidirectional-uncorrelated": lambda K: Bidirectional(Uncorrelated(), K),
-    "bidirectional-correlated": lambda K: Bidirectional(Correlated(), K),
-    "bidirectional-invariance": lambda K: Bidirectional(Invariance(), K),
-    "kulla-conty": lambda K: KullaConty(),
-    "turquin": lambda K: Turquin(),
-}
-"""What stands in the scattering slot, by name; a new class is one line here."""
 
 
 def build(options: ExportOptions) -> BSDF:
     """The BSDF that the options describe."""
-    default = "height-walk" if options.material == "dielectric" else "invariance"
-    bsdf = energy.build(options, SCATTERINGS[options.scattering or default](options.max_order))
+    bsdf = described(options, scattering_of(options, glass="height-walk", others="invariance"))
     return bsdf.to(torch.float64) if options.double else bsdf
 
 
@@ -44,8 +28,9 @@ def run_export(options: ExportOptions) -> None:
         if not options.check:
             raise ValueError("--json holds the comparison: it goes with --check.")
         check_writable(options.json, options.force)
-    if options.rows < 1:
-        raise ValueError(f"--rows must be at least 1; got {options.rows}.")
+    rows = parse_count(options.rows, "--rows", 1)
+    if options.check:
+        runtime()
     bsdf = build(options)
     arguments = {
         "what": options.what,
@@ -56,7 +41,7 @@ def run_export(options: ExportOptions) -> None:
     graph = checked(bsdf, **arguments)
     content = exported(bsdf, **arguments)
     if options.check:
-        entry = Entry.of(Path(path).stem, content, check(content, graph, options.rows))
+        entry = Entry.of(Path(path).stem, content, check(content, graph, rows))
         print(table([entry]))
         print(FOOTNOTE)
         if options.json is not None:

@@ -7,11 +7,15 @@ from typing import Any
 
 import torch
 
-from torchms.cli.simulate import FiguresOptions
+from torchms.bsdfs.named import material_of
+from torchms.cli.arguments import check_angles, parse_count
+from torchms.cli.description import described
+from torchms.cli.options import FiguresOptions
+from torchms.cli.simulate import TRACERS, exactly_described
 from torchms.lobes import Tally
-from torchms.microsurface.rays.grid_walk import GridTracer
-from torchms.microsurface.rays.tracer import EmbreeTracer
+from torchms.microsurface.rays.tracer import Tracer
 from torchms.microsurface.simulation.comparison import SIMULATION, Case, energies, plane_of_incidence
+from torchms.microsurface.simulation.parts import surfaces_of
 from torchms.storage.write import check_writable, write_json, write_whole
 
 BOUNCES = ("k = 1", "k = 2", "k = 3", "k ≥ 4")
@@ -34,24 +38,27 @@ def run_figures(options: FiguresOptions) -> list[Path]:
         import matplotlib
     except ImportError as error:
         raise ImportError("torchms figures needs matplotlib: pip install 'torchms[microsurface]'.") from error
-    alpha = (options.alpha, options.alpha if options.alpha_y is None else options.alpha_y)
-    name = f"{options.material}_a{alpha[0]:g}" + (f"_{alpha[1]:g}" if alpha[1] != alpha[0] else "")
+    rays, walks = parse_count(options.rays, "--rays", 1), parse_count(options.walks, "--walks", 2)
+    for theta in options.theta:
+        check_angles(theta, options.phi)
+    tracer = TRACERS[options.tracer]()
+    tracer.require()
+    cases = cases_of(options)
+    alpha = cases[0].alpha
+    name = f"{cases[0].material}_a{alpha[0]:g}" + (f"_{alpha[1]:g}" if alpha[1] != alpha[0] else "")
     if not options.out.exists():
         options.out.mkdir(parents=True)
     paths = [options.out / f"{name}.{suffix}" for suffix in ("png", "svg", "json")]
     for path in paths:
         check_writable(path, options.force)
-    cases = [
-        Case(options.material, alpha, theta, options.phi, options.eta, options.max_order) for theta in options.theta
-    ]
-    results = [compare(case, options) for case in cases]
+    results = [compare(case, options, rays, walks, tracer) for case in cases]
     content = {
-        "material": options.material,
+        "material": cases[0].material,
         "alpha": list(alpha),
         "phi": options.phi,
-        "eta": options.eta if options.material == "dielectric" else None,
-        "rays": int(options.rays),
-        "walks": int(options.walks),
+        "eta": cases[0].eta if cases[0].material == "dielectric" else None,
+        "rays": rays,
+        "walks": walks,
         "surfaces": options.surfaces,
         "seed": options.seed,
         "panels": [numbers(case, result) for case, result in zip(cases, results, strict=True)],
@@ -69,12 +76,24 @@ def run_figures(options: FiguresOptions) -> list[Path]:
     return paths
 
 
-def compare(case: Case, options: FiguresOptions) -> dict[str, Tally]:
+def cases_of(options: FiguresOptions) -> list[Case]:
+    """A column each; ValueError for a surface whose normals are not Beckmann's."""
+    exact = exactly_described(options)
+    surfaces_of(exact.distribution)
+    # Numbers as they were written: to float64 they are the same again.
+    ax, ay = (float(a) for a in exact.distribution.alphas)
+    material = material_of(exact)
+    eta = float(exact.fresnel.eta) if material == "dielectric" else options.eta
+    usual = options.bsdf is None and options.metal is None and options.albedo == 1
+    bsdf = None if usual else described(options)
+    return [Case(material, (ax, ay), theta, options.phi, eta, options.max_order, bsdf) for theta in options.theta]
+
+
+def compare(case: Case, options: FiguresOptions, rays: int, walks: int, tracer: Tracer) -> dict[str, Tally]:
     """Simulation and models of one column."""
-    tracer = EmbreeTracer() if options.tracer == "embree" else GridTracer()
-    found = {SIMULATION: case.simulated(options.surfaces, options.size, options.rays, options.seed, tracer)}
+    found = {SIMULATION: case.simulated(options.surfaces, options.size, rays, options.seed, tracer)}
     for model in case.models:
-        found[model] = case.modelled(model, int(options.walks), options.seed)
+        found[model] = case.modelled(model, walks, options.seed)
     return found
 
 

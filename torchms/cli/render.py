@@ -3,11 +3,13 @@
 import math
 from dataclasses import replace
 
+from torchms.bsdfs import BSDF
+from torchms.cli.description import SHORT, described, is_given, scattering_of
 from torchms.cli.expression import parse_bsdf
+from torchms.cli.options import RenderOptions
 from torchms.render.film import render
 from torchms.render.images import check_picture, read_picture, write_picture
 from torchms.render.lights import ConstantLight, DirectionalLight, Environment, Light
-from torchms.render.options import RenderOptions
 from torchms.render.paths import Scene
 from torchms.render.scenes import load_shape
 
@@ -26,6 +28,17 @@ def build_light(options: RenderOptions) -> Light:
         raise ValueError(f"--light must be directional, constant or a picture (.exr, .png): {error}") from None
 
 
+GOLD = 'RoughConductor(GGX(0.3), Conductor.metal("Au"), Bidirectional(Invariance(), max_order=8))'
+"""What is rendered if nothing is said of the surface."""
+
+
+def build_bsdf(options: RenderOptions) -> BSDF:
+    """The BSDF that the options describe; ValueError if they do not fit together."""
+    if options.bsdf is None and not any(is_given(options, name) for name in (*SHORT, "scattering", "max_order")):
+        return parse_bsdf(GOLD)
+    return described(options, scattering_of(options, glass="height-walk", others="bidirectional-invariance"))
+
+
 def run_render(options: RenderOptions) -> None:
     """Render and write the files. Raises ValueError for options that do not fit, before anything is computed."""
     files = [options.out] + ([] if options.stderr is None else [options.stderr])
@@ -33,7 +46,7 @@ def run_render(options: RenderOptions) -> None:
         check_picture(file, options.force)
     if len(set(files)) < len(files):
         raise ValueError(f"--out and --stderr must be two files; both are {options.out}.")
-    bsdf = parse_bsdf(options.bsdf)
+    bsdf = build_bsdf(options)
     light = build_light(options)
     shape, camera = load_shape(options.scene, options.crease)
     camera = replace(

@@ -1,68 +1,47 @@
-"""The options of the command line, free of heavy imports so that `--help` answers at once."""
+"""How a command line describes a surface, the same in every command; free of heavy imports, so that `--help` is instant."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol, runtime_checkable
-
-import tyro
+from typing import Literal
 
 Material = Literal["conductor", "dielectric", "diffuse"]
-Model = Literal["uncorrelated", "correlated", "invariance", "height-walk", "single-bounce", "kulla-conty", "turquin"]
+Distribution = Literal["ggx", "beckmann", "gtr"]
+Scattering = Literal[
+    "single-bounce",
+    "uncorrelated",
+    "correlated",
+    "invariance",
+    "height-walk",
+    "bidirectional-uncorrelated",
+    "bidirectional-correlated",
+    "bidirectional-invariance",
+    "kulla-conty",
+    "turquin",
+]
+"""The names of `torchms.bsdfs.named`, written once more for the parser; a test compares them."""
+
+Count = str | int | float
+"""A whole number, which may be written as 1e6: `torchms.cli.arguments.parse_count`."""
 
 
-@runtime_checkable
-class SurfaceOptions(Protocol):
-    """The options that say what a surface is, of whatever command."""
+@dataclass(frozen=True, kw_only=True)
+class SurfaceOptions:
+    """What a surface is: an expression, or short options for the usual ones."""
 
-    @property
-    def material(self) -> Material: ...
-    @property
-    def metal(self) -> str | None: ...
-    @property
-    def distribution(self) -> str: ...
-    @property
-    def alpha(self) -> str: ...
-    @property
-    def gamma(self) -> float | None: ...
-    @property
-    def eta(self) -> float: ...
-    @property
-    def albedo(self) -> float: ...
-
-
-@dataclass(frozen=True)
-class EnergyOptions:
-    """Print how much energy leaves a rough surface after each bounce, per model.
-
-    Example: torchms energy --material conductor --metal Au --alpha 0.5 --theta 0 0.5 1.0 1.5
-    """
-
+    bsdf: str | None = None
+    """The surface as it is written in Python, "RoughConductor(GGX(0.3), Ideal())", instead of the options below."""
     material: Material = "conductor"
     """What the facets are made of."""
     metal: str | None = None
     """Conductor only: a measured metal such as Au, Ag, Cu; without it the facets reflect everything (F = 1)."""
-    distribution: Literal["ggx", "beckmann", "gtr"] = "ggx"
+    distribution: Distribution = "ggx"
     """Distribution of the microfacet normals."""
-    alpha: str = "0.5"
+    alpha: str | float = "0.5"
     """Roughness: one number, or alpha_x,alpha_y."""
+    alpha_y: float | None = None
+    """Roughness along y, if it is not in --alpha."""
     gamma: float | None = None
     """GTR only: how short the tails are, in (0, 10]; 2, which is GGX, if it is not given."""
     eta: float = 1.5
     """Dielectric only: n_inside / n_outside."""
     albedo: float = 1.0
     """Diffuse only: albedo of a facet."""
-    theta: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5)
-    """Angles between the incident direction and the normal [rad]."""
-    phi: float = 0.0
-    """Azimuth of the incident direction [rad]."""
-    models: tuple[Model, ...] = ("uncorrelated", "correlated", "invariance", "height-walk")
-    """Models to compare; one that does not hold for the material is left out with the reason."""
-    max_order: int = 10
-    """Bounces to count."""
-    samples: str = "1e6"
-    """Random walks per entry."""
-    seed: int = 0
-    """Seed of the random walks."""
-    json: str | None = None
-    """Also write the numbers to this file."""
-    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Overwrite the file."""

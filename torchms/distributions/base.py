@@ -1,7 +1,7 @@
 """What every microfacet distribution offers, derived from three functions of its own."""
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 
 import torch
 from torch import Tensor
@@ -9,10 +9,11 @@ from torch import Tensor
 from torchms.maths.frame import Vec3, dot, join, pair, split
 from torchms.maths.numerics import away_from_zero, horizon, own_precision, smallest
 from torchms.parameters.declared import Parametric, describe
+from torchms.parameters.maps import fitted
 from torchms.typing import Direction, Pair, Scalar
 
 
-class MicrofacetDistribution(Parametric):
+class MicrofacetDistribution(Parametric, ABC):
     """Statistics of the microfacet normals of a Smith surface.
 
     A subclass gives three kernels on component vectors: `normal_density` (D), `projected_area` (what Λ, G1 and the
@@ -82,7 +83,7 @@ class MicrofacetDistribution(Parametric):
 
     def D(self, m: Direction) -> Scalar:
         """Density of microfacet normals at `m` [1/sr]: ∫ D(m) m_z dm = 1; zero at and below the horizon."""
-        return self.normal_density(split(m))
+        return fitted(self, m.shape[:-1]).normal_density(split(m))
 
     def Lambda(self, w: Direction) -> Scalar:
         """Smith's Λ at `w`, signed, on the whole sphere: Λ(−w) = −1 − Λ(w) [Heitz2016].
@@ -90,16 +91,16 @@ class MicrofacetDistribution(Parametric):
         Closer to the horizon than |w_z| = 1e-7 (float32; 1e-14 in float64), where Λ diverges, it is that of this
         w_z; exactly at the horizon it is positive.
         """
-        return self.signed_lambda(split(w))
+        return fitted(self, w.shape[:-1]).signed_lambda(split(w))
 
     def D_visible(self, w: Direction, m: Direction) -> Scalar:
         """Density of the normals visible from `w`, at `m` [1/sr]; integrates to 1 over m for any `w` on the sphere."""
-        return self.visible_density(split(w), split(m))
+        return fitted(self, w.shape[:-1], m.shape[:-1]).visible_density(split(w), split(m))
 
     def sample_visible(self, w: Direction, u: Pair) -> Direction:
         """A visible normal for any `w` on the sphere, with density `D_visible`; `u` (*batch, 2) in [0, 1)²."""
         with own_precision(u):
-            return join(self.visible_normal(split(w), *pair(u)))
+            return join(fitted(self, w.shape[:-1], u.shape[:-1]).visible_normal(split(w), *pair(u)))
 
     def extra_repr(self) -> str:
         return describe(self)

@@ -30,7 +30,7 @@ class SlopeProblem(NamedTuple):
     rho: Tensor  # ρ
     top: Tensor  # ρ max(κ, 0) = max(w_z, 0)
     k: Tensor  # max(−κ, 0)
-    rest: Tensor  # what the area beyond x = κ adds to the mass above x; 0 where `lower`
+    beyond: Tensor  # what the area beyond x = κ adds to the mass above x; 0 where `lower`
     total: Tensor  # area of all visible slopes
     target: Tensor  # area sought
 
@@ -47,7 +47,7 @@ class SlopeProblem(NamedTuple):
         gap = self.top + signed * d
         e, i = erfcx_pair(t)
         weight = torch.exp(-d * (t + self.k))
-        return weight * (gap * e + signed * i) + self.rest, gap * weight, gap, t
+        return weight * (gap * e + signed * i) + self.beyond, gap * weight, gap, t
 
 
 class Beckmann(EllipticDistribution):
@@ -57,6 +57,8 @@ class Beckmann(EllipticDistribution):
     `alpha`, `alpha_y`: float, tensor or per-pixel map (*batch), buffer or `nn.Parameter`, in [1e-3, 2].
     Raises ValueError outside that range.
     """
+
+    sources = ("Walter2007",)
 
     def normal_density(self, m: Vec3) -> Tensor:
         slope2, scale = self.density_parts(m)
@@ -141,9 +143,9 @@ def visible_slope(gauss: Tensor, rho: Tensor, z: Tensor) -> Tensor:
     kappa = torch.where(above, kappa, zero)
     i = ierfcx(kappa + k)
     weight = torch.exp(-kappa * kappa)
-    rest = rho * weight * i
-    # The whole is 2 z + rest for κ > 0; for κ ≤ 0 it is ρ ierfcx(k), and there is no area beyond.
-    total = 2 * top + rest
+    beyond = rho * weight * i
+    # The whole is 2 z + beyond for κ > 0; for κ ≤ 0 it is ρ ierfcx(k), and there is no area beyond.
+    total = 2 * top + beyond
     at_zero = torch.where(above, top + constant(INV_SQRT_PI, z) * rho, total)
     # Φ and 1 − Φ, the lesser one accurate relative to itself, and the score √(−ln Φ).
     left = gauss < 0
@@ -156,7 +158,7 @@ def visible_slope(gauss: Tensor, rho: Tensor, z: Tensor) -> Tensor:
     lower = ~above | (phi * total < at_zero)
     sign = torch.where(lower, 1.0, -1.0).to(z.dtype)
     target = total * torch.where(lower, phi, rest_phi)
-    problem = SlopeProblem(lower, sign, rho, top, k, torch.where(lower, 0.0, rest), total, target)
+    problem = SlopeProblem(lower, sign, rho, top, k, torch.where(lower, 0.0, beyond), total, target)
     # The steps are taken on values; only the last is differentiated, with its denominator held: that is the derivative
     # of the inverse function.
     fixed, cot = problem.detached(), kappa.detach()

@@ -8,6 +8,7 @@ from torch import Tensor
 from torchms.distributions.base import EllipticDistribution
 from torchms.maths.frame import Vec3, dot, join, normalized, pair, split
 from torchms.maths.numerics import safe_sqrt, smallest
+from torchms.parameters.maps import fitted
 from torchms.typing import Direction, Pair, Scalar
 
 
@@ -17,6 +18,8 @@ class GGX(EllipticDistribution):
     `alpha`, `alpha_y`: float, tensor or per-pixel map (*batch), buffer or `nn.Parameter`, in [1e-3, 2].
     Raises ValueError outside that range.
     """
+
+    sources = ("Walter2007", "Dupuy2023")
 
     def normal_density(self, m: Vec3) -> Tensor:
         # [Walter2007] Eq. 33, stretched: D = 1 / (π α_x α_y (x²/α_x² + y²/α_y² + z²)²) for a unit m. Multiplying the
@@ -46,15 +49,15 @@ class GGX(EllipticDistribution):
         """1 + s_z, the height of the cap z > −s_z, without cancellation below the horizon."""
         return torch.where(s.z < 0, (s.x * s.x + s.y * s.y) / (1 + s.z.abs()), 1 + s.z)
 
-    def _normal_on_cap(self, s: Vec3, cap: Tensor, rest: Tensor, u0: Tensor, u1: Tensor) -> Vec3:
-        """The normal that reflects `s` into a direction uniform on the cap of height `cap` ≤ 1 + s_z = cap + rest."""
+    def _normal_on_cap(self, s: Vec3, cap: Tensor, above: Tensor, u0: Tensor, u1: Tensor) -> Vec3:
+        """The normal that reflects `s` into a direction uniform on the cap of height `cap` ≤ 1 + s_z = cap + above."""
         # [Dupuy2023]: in the stretched frame the reflections of w by visible normals are uniform on the cap z > −s_z,
         # also for s_z < 0.
         below_top = u1 * cap
         sin_theta = safe_sqrt(below_top * (2 - below_top))
         phi = (2 * math.pi) * u0
         # m ∝ stretched(reflection + w); the z component is 1 − below_top + s_z.
-        height = (1 - u1) * cap + rest
+        height = (1 - u1) * cap + above
         return normalized(
             self.stretched(Vec3(sin_theta * torch.cos(phi) + s.x, sin_theta * torch.sin(phi) + s.y, height))
         )
@@ -110,8 +113,8 @@ class GGX(EllipticDistribution):
         Not for refraction: normals that refract but cannot reflect upward are left out. Reflections below the horizon remain,
         but fewer than with `sample_visible`; none if α_x = α_y ≥ 1. For w below the horizon it is `sample_visible`.
         """
-        return join(self.bounded_normal(split(w), *pair(u)))
+        return join(fitted(self, w.shape[:-1], u.shape[:-1]).bounded_normal(split(w), *pair(u)))
 
     def D_bounded(self, w: Direction, m: Direction) -> Scalar:
         """Density of `sample_bounded` at `m` [1/sr]: D(m) ⟨w, m⟩ over its integral on the cap [Tokuyoshi2023]."""
-        return self.bounded_density(split(w), split(m))
+        return fitted(self, w.shape[:-1], m.shape[:-1]).bounded_density(split(w), split(m))

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.distributions.gtr_area import downward_area, view
+from torchms.distributions.gtr_area import downward_area, incidence
+from torchms.distributions.gtr_spline import downward_area_by_spline
 from torchms.distributions.gtr_visible import visible_normal
 from torchms.maths.frame import Vec3
 from torchms.maths.ratios import exp_ratio
@@ -16,9 +17,13 @@ class GTR(MicrofacetDistribution):
     """GTR normals [Burley2012]: D ∝ (1 + (α² − 1) cos²θ)^−γ, isotropic; γ = 2 is GGX, lesser γ has longer tails.
 
     `alpha`: roughness in [0.01, 1]; `gamma`: in (0, 10]. Float, tensor or per-pixel map (*batch), buffer or
-    `nn.Parameter`. All of Λ, G1 and the visible normals are those of this γ, with no interpolation.
+    `nn.Parameter`. All of Λ, G1 and the visible normals are those of this γ: sums that converge geometrically, at every
+    direction in float64 and for maps of α or γ. In float32, with one α and one γ, the sums are taken at 384 angles and
+    a spline goes through them: |ΔG1| < 1e-6, |ΔΛ| / Λ < 3e-5, at a twentieth of the cost.
     Raises ValueError outside the ranges.
     """
+
+    sources = ("Burley2012", "Dimov2015")
 
     alpha: Tensor
     gamma: Tensor
@@ -34,7 +39,7 @@ class GTR(MicrofacetDistribution):
     def mean_alpha2(self) -> Tensor:
         """The α² of the GGX distribution with the same σ at the horizon, which is α / 2 for GGX."""
         zero = torch.zeros_like(self.alpha)
-        equivalent = 2 * self.projected_area(Vec3(torch.ones_like(zero), zero, zero))
+        equivalent = 2 * downward_area(incidence(self.alpha, self.gamma, Vec3(torch.ones_like(zero), zero, zero)))
         return equivalent * equivalent
 
     def normal_density(self, m: Vec3) -> Tensor:
@@ -48,9 +53,14 @@ class GTR(MicrofacetDistribution):
         return torch.where(up, exp_ratio(a) / (math.pi * exp_ratio((1 - self.gamma) * a)) * power, 0.0)
 
     def projected_area(self, w: Vec3) -> Tensor:
-        v = view(self.alpha, self.gamma, w)
-        down = downward_area(v)
-        return torch.where(v.below, down, v.z + down)
+        below = w.z < 0
+        # Not abs(): its gradient at the horizon is 0.
+        z = torch.where(below, -w.z, w.z)
+        if self.alpha.dtype == torch.float32 and self.alpha.ndim == 0 == self.gamma.ndim:
+            down = downward_area_by_spline(self.alpha, self.gamma, z, w.x * w.x + w.y * w.y)
+        else:
+            down = downward_area(incidence(self.alpha, self.gamma, w))
+        return torch.where(below, down, z + down)
 
     def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
         return visible_normal(self.alpha, self.gamma, w, u0, u1)

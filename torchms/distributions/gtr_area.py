@@ -24,7 +24,7 @@ NODES = {torch.float32: 20, torch.float64: 32}
 """Angles in (0, π). γ = 10 at α = 0.01 needs the most, as Q is a narrow peak there."""
 
 
-class View(NamedTuple):
+class Incidence(NamedTuple):
     """One direction, and what of α and γ its integrals need."""
 
     z: Tensor  # |w_z|
@@ -47,7 +47,7 @@ class Rings(NamedTuple):
     f: Tensor  # Q τ² / (τ² + z²) |dτ/dϑ|
 
 
-def view(alpha: Tensor, gamma: Tensor, w: Vec3, *others: Tensor) -> View:
+def incidence(alpha: Tensor, gamma: Tensor, w: Vec3, *others: Tensor) -> Incidence:
     """`w` seen on a surface of `alpha` and `gamma`, with as many axes as these and the `others` have at most."""
     # The integrals run over one more axis, in front.
     ndim = max(x.ndim for x in (alpha, gamma, *w, *others))
@@ -65,10 +65,12 @@ def view(alpha: Tensor, gamma: Tensor, w: Vec3, *others: Tensor) -> View:
     whole = log_ratio(-b, alpha2)
     # At the pole y = α²: cosh η − 1 = 2 sinh²(η/2) = (a − 2 ℓ) / ℓ.
     p = torch.sqrt(up / down) / alpha
-    return View(z, below, rho2, b * whole, 1 - gamma, 0.5 * b * rho2 * down, 0.5 * rho2 * down / whole, rise * up, p)
+    return Incidence(
+        z, below, rho2, b * whole, 1 - gamma, 0.5 * b * rho2 * down, 0.5 * rho2 * down / whole, rise * up, p
+    )
 
 
-def rings(v: View, half_sin: Tensor, half_cos: Tensor) -> Rings:
+def rings(v: Incidence, half_sin: Tensor, half_cos: Tensor) -> Rings:
     """At the angles ϑ with sin(ϑ/2) = `half_sin` and cos(ϑ/2) = `half_cos`."""
     s2, c2 = half_sin * half_sin, half_cos * half_cos
     B, A = 2 * s2 * v.ell, 2 * c2 * v.ell
@@ -95,7 +97,7 @@ def angles(n: int, like: Tensor) -> tuple[Tensor, Tensor]:
     return stacked([math.sin(h) for h in halves], like), stacked([math.cos(h) for h in halves], like)
 
 
-def downward_area(v: View) -> Tensor:
+def downward_area(v: Incidence) -> Tensor:
     """σ(−|w|) = σ(|w|) − |w_z|."""
     n = NODES[v.z.dtype]
     total = rings(v, *angles(n, v.ell)).f.sum(0) / n

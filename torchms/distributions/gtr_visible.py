@@ -15,7 +15,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.distributions.gtr_area import View, angles, rings, stacked, view
+from torchms.distributions.gtr_area import Incidence, angles, incidence, rings, stacked
 from torchms.maths.frame import Vec3, normalized
 from torchms.maths.numerics import horizon, safe_sqrt, smallest
 from torchms.maths.ratios import exp_ratio, log_ratio
@@ -33,7 +33,7 @@ LEAST_ANGLE = 1e-9
 class Tail(NamedTuple):
     """W as a function of ϑ, for slopes longer than z / ρ."""
 
-    v: View
+    v: Incidence
     up: Tensor  # max(w_z, 0)
     mean: Tensor  # J = mean ϑ + Σ_k modes_k sin(k ϑ) − peak arctan(t tan(ϑ/2))
     modes: Tensor
@@ -41,7 +41,7 @@ class Tail(NamedTuple):
     t: Tensor  # tanh(η / 2)
 
     def detached(self) -> "Tail":
-        return Tail(View(*(x.detach() for x in self.v)), *(x.detach() for x in self[1:]))
+        return Tail(Incidence(*(x.detach() for x in self.v)), *(x.detach() for x in self[1:]))
 
     @property
     def downward_area(self) -> Tensor:
@@ -73,7 +73,7 @@ class Tail(NamedTuple):
         return Q * each + J / pi, slope * each, tau, g
 
 
-def tail_of(v: View) -> tuple[Tail, Tensor]:
+def tail_of(v: Incidence) -> tuple[Tail, Tensor]:
     """W, and its values at the midpoints."""
     n = MODES[v.z.dtype]
     s, c = angles(n, v.ell)
@@ -113,7 +113,7 @@ def angle_of(tail: Tail, grid: Tensor, target: Tensor, end: Tensor) -> Tensor:
     return theta - (move - move.detach())
 
 
-def short_slope(v: View, share: Tensor) -> Tensor:
+def short_slope(v: Incidence, share: Tensor) -> Tensor:
     """r² of which a `share` < 1 of all slopes is shorter [Burley2012]: the inverse of 1 − Q."""
     # 1 − Q = expm1(k a t) / expm1(k a), with ln(y / α²) = a t; then r² = (y − α²) / (1 − y).
     whole = exp_ratio(v.k * v.a) * share
@@ -146,7 +146,7 @@ def visible_normal(alpha: Tensor, gamma: Tensor, w: Vec3, u0: Tensor, u1: Tensor
     # Straight down no facet faces w, and σ is 0: any normal will do.
     nadir = (w.z < 0) & (w.x * w.x + w.y * w.y < tiny**0.5)
     w = Vec3(torch.where(nadir, 1.0, w.x), torch.where(nadir, 0.0, w.y), torch.where(nadir, 0.0, w.z))
-    v = view(alpha, gamma, w, u0, u1)
+    v = incidence(alpha, gamma, w, u0, u1)
     rho = safe_sqrt(v.rho2)
     tail, grid = tail_of(v)
     down = tail.downward_area

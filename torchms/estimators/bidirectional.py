@@ -1,26 +1,31 @@
 """The position-free path integral, estimated from both ends [Wang2022]."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Generic
 
 import torch
 from torch import Tensor
 
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.maths.frame import Vec3
-from torchms.paths.connection import balance, extend_others
-from torchms.paths.held import Knots
-from torchms.paths.segments import Invariance, Leg, Segment
-from torchms.paths.vertex import Vertex, View
+from torchms.paths.connection import balance, extend_alternatives
+from torchms.paths.detached import Anchors
+from torchms.paths.segments import Leg, Segment
+from torchms.paths.vertex import Side, Vertex, View
 
 
-class Node(NamedTuple):
-    """A walk after some bounces: its view of the next facet, its weight and leg, its other ways (see `connection`)."""
+@dataclass(frozen=True)
+class Node(Generic[Side]):
+    """A walk after some bounces: its view of the next facet, its weight and its leg.
 
-    view: View
+    alternatives: what the other ways to join the same path add to the weights, see `connection`.
+    """
+
+    view: View[Side]
     weight: Tensor | None
     leg: Leg
-    others: Tensor | None
+    alternatives: Tensor | None
 
 
 def upright(w: Vec3) -> Vec3:
@@ -38,6 +43,8 @@ class Bidirectional(PathTracer):
     into a dielectric with `Invariance`, which knows one side of the surface only.
     """
 
+    sources = ("Wang2022",)
+
     def __init__(self, segment: Segment, max_order: int = 8, attached: bool | None = None) -> None:
         if not isinstance(segment, Segment) or segment.n_uniforms:
             raise TypeError(
@@ -45,7 +52,7 @@ class Bidirectional(PathTracer):
             )
         super().__init__(segment, max_order, attached)
         self.is_reciprocal = segment.is_reciprocal
-        self.is_unbiased = isinstance(segment, Invariance) or self.max_order == 1
+        self.is_unbiased = segment.is_exact or (self.max_order == 1 and segment.is_exact_once)
 
     def extra_repr(self) -> str:
         return f"max_order={self.max_order}"
@@ -64,7 +71,7 @@ class Bidirectional(PathTracer):
         return 1 + 2 * sum(self.lengths) * vertex.n_uniforms
 
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
-        valid = (wi.z != 0) & (wo.z != 0) if vertex.transmits else (wi.z > 0) & (wo.z > 0)
+        served = vertex.serves(wi) & vertex.serves(wo)
         if not vertex.transmits:
             # No facet may face a direction below the horizon: nothing there is divided by.
             wi, wo = upright(wi), upright(wo)
@@ -80,18 +87,18 @@ class Bidirectional(PathTracer):
                 counts[k - 1] += 1
             first += 2 * length * vertex.n_uniforms
         return [
-            torch.where(valid, total * (wo.z.abs() / count), 0.0)
+            torch.where(served, total * (wo.z.abs() / count), 0.0)
             for total, count in zip(sums, counts, strict=True)
             if total is not None
         ]
 
     def _joined(
-        self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor], first: int, length: int, lowest: int
+        self, vertex: Vertex[Side], wi: Vec3, wo: Vec3, u: Sequence[Tensor], first: int, length: int, lowest: int
     ) -> dict[int, Tensor]:
         """f of the orders `lowest` … `length` from one pair of walks, whose random numbers begin at `first`."""
-        knots = self._knots(vertex, wi, wo)
-        turned = None if knots is None else tuple(-knot for knot in knots)
-        ahead = self._nodes(vertex, wi, u, first, length, knots, against=False)
+        anchors = self._anchors(vertex, wi, wo)
+        turned = None if anchors is None else tuple(-height for height in anchors)
+        ahead = self._nodes(vertex, wi, u, first, length, anchors, against=False)
         behind = self._nodes(vertex, wo, u, first + length * vertex.n_uniforms, length, turned, against=True)
         join = self.segment.joiner([node.leg for node in ahead], [node.leg for node in behind], vertex.monotone)
         orders: dict[int, Tensor] = {}
@@ -99,10 +106,10 @@ class Bidirectional(PathTracer):
             for s in range(k):
                 t = k - 1 - s
                 x, y = ahead[s], behind[t]
-                crossed = None if x.view.side is None else x.view.side != y.view.side
-                densities = vertex.densities(x.view, y.view, crossed)
-                value = vertex.connect(x.view, y.view, crossed, densities) * join(s, t, crossed)
-                share = balance(densities, x.others, y.others)
+                densities = vertex.densities(x.view, y.view)
+                value = vertex.connect(x.view, y.view, densities)
+                value = value * join(s, t, vertex.crossed(x.view.side, y.view.side))
+                share = balance(densities, x.alternatives, y.alternatives)
                 for factor in (share, x.weight, y.weight):
                     value = value if factor is None else value * factor
                 orders[k] = orders[k] + value if k in orders else value
@@ -110,23 +117,23 @@ class Bidirectional(PathTracer):
 
     def _nodes(
         self,
-        vertex: Vertex,
+        vertex: Vertex[Side],
         start: Vec3,
         u: Sequence[Tensor],
         first: int,
         length: int,
-        knots: Knots | None,
+        anchors: Anchors | None,
         against: bool,
-    ) -> list[Node]:
+    ) -> list[Node[Side]]:
         """The walk from `start`, a node before each bounce; its random numbers begin at `first`.
 
         A walk `against` the light weighs by (n_wo / n_here)², for the sides that it crossed.
         """
         distribution = vertex.distribution
-        w, side, _ = vertex.enter(start)
-        up, weight, others, crossed = w.z < 0, None, None, None
-        entered = side
-        nodes: list[Node] = []
+        w, entered, _ = vertex.enter(start)
+        side = entered
+        up, weight, alternatives, crossed = w.z < 0, None, None, None
+        nodes: list[Node[Side]] = []
         for i in range(length):
             last = i == length - 1
             numbers = normal = None
@@ -136,16 +143,17 @@ class Bidirectional(PathTracer):
             view = View(w, distribution.guarded_area(w), normal, side)
             leg = Leg(distribution.blocking(-w), up, crossed, back=distribution.blocking(w))
             carried = weight
-            if against and weight is not None and side is not None and entered is not None:
-                eta = vertex.relative_eta(side)
-                carried = weight * torch.where(side == entered, 1.0, eta * eta)
-            nodes.append(Node(view, carried, leg, others))
+            if against and weight is not None:
+                eta2 = vertex.relative_eta2(side, entered)
+                carried = weight if eta2 is None else weight * eta2
+            nodes.append(Node(view, carried, leg, alternatives))
             if last:
                 break
             assert normal is not None and numbers is not None
-            bounce = self._bounce(vertex, w, normal, numbers[2:], side, knots)
+            bounce = self._bounce(vertex, w, normal, numbers[2:], side, anchors)
             out = View(bounce.d, distribution.guarded_area(bounce.d), None, bounce.side)
-            others = extend_others(others, vertex.densities(view, out, bounce.crossed))
+            alternatives = extend_alternatives(alternatives, vertex.densities(view, out))
             weight = bounce.weight if weight is None else weight * bounce.weight
-            w, side, crossed, up = -bounce.d, bounce.side, bounce.crossed, bounce.d.z > 0
+            crossed = vertex.crossed(side, bounce.side)
+            w, side, up = -bounce.d, bounce.side, bounce.d.z > 0
         return nodes

@@ -1,6 +1,6 @@
 """The random walk of [Heitz2016], which carries the height: the oracle for reflection and transmission."""
 
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.paths.height import RandomHeight
 
 
@@ -11,6 +11,8 @@ class HeightWalk(PathTracer):
     no expectation, lowers the variance and keeps the gradient. Results do not depend on the distribution of heights.
     `attached`: see `PathTracer`; the default is right.
     """
+
+    sources = ("Heitz2016",)
 
     is_unbiased = True
     is_reciprocal = True

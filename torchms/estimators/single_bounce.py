@@ -1,6 +1,6 @@
 """The classic microfacet BSDF: one bounce, the rest is lost."""
 
-from torchms.estimators.base import PathTracer
+from torchms.estimators.path_tracer import PathTracer
 from torchms.paths.segments import Correlated
 
 
@@ -10,6 +10,8 @@ class SingleBounce(PathTracer):
     It is the first order of the Smith model, exactly. Deterministic for mirror and refractive facets (`u` may be left
     out); the diffuse facet is drawn.
     """
+
+    sources = ("Heitz2014",)
 
     is_unbiased = True
     is_reciprocal = True

@@ -1,7 +1,7 @@
 """The position-free path integral, estimated from the side of wi [Wang2022]."""
 
-from torchms.estimators.base import PathTracer
-from torchms.paths.segments import Invariance, Segment
+from torchms.estimators.path_tracer import PathTracer
+from torchms.paths.segments import Segment
 
 
 class Unidirectional(PathTracer):
@@ -11,6 +11,8 @@ class Unidirectional(PathTracer):
     ValueError when it is put into a dielectric with `Invariance`, which knows one side of the surface only.
     """
 
+    sources = ("Wang2022",)
+
     def __init__(self, segment: Segment, max_order: int = 8, attached: bool | None = None) -> None:
         if not isinstance(segment, Segment):
             raise TypeError(
@@ -19,7 +21,7 @@ class Unidirectional(PathTracer):
             )
         super().__init__(segment, max_order, attached)
         self.is_reciprocal = segment.is_reciprocal
-        self.is_unbiased = isinstance(segment, Invariance) or self.max_order == 1
+        self.is_unbiased = segment.is_exact or (self.max_order == 1 and segment.is_exact_once)
 
     def extra_repr(self) -> str:
         return f"max_order={self.max_order}"

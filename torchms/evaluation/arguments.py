@@ -1,4 +1,4 @@
-"""What a BSDF looks at before it computes; in the checked mode also the values of directions and random numbers."""
+"""What a BSDF looks at before it computes; in the checked mode also the values of directions, numbers and parameters."""
 
 from collections.abc import Mapping
 
@@ -7,7 +7,9 @@ from torch import Tensor, nn
 from torch._C._functorch import is_functorch_wrapped_tensor
 
 from torchms.maths.frame import kind_of
-from torchms.parameters.declared import first_bad
+from torchms.maths.numerics import has_values
+from torchms.parameters.declared import Parameter, first_bad
+from torchms.parameters.exchange import parameters
 from torchms.sampling.stream import Stream
 
 UNIT = 1e-3
@@ -23,9 +25,10 @@ def set_validation(enabled: bool) -> bool:
     """Switch the checked mode on (as it is at first) or off, for the whole process; returns what it was.
 
     Checked, every method of a BSDF raises ValueError for a direction that is NaN, infinite or not of unit length
-    (| |w|² − 1 | ≤ 1e-3): one pass over the directions, 2 to 3 ns each; and for a random number outside of [0, 1), save
-    1 itself, to which one may have been rounded. Unchecked, both are used as they are: a NaN gives a row that is 0 or NaN,
-    another length or number gives the value of no surface, and other rows keep their bits and their gradients either way.
+    (| |w|² − 1 | ≤ 1e-3): one pass over the directions, 2 to 3 ns each; for a random number outside of [0, 1), save 1
+    itself, to which one may have been rounded; and for a parameter that has left its range since it was declared, as an
+    optimizer may move it. Unchecked, all are used as they are: a NaN gives a row that is 0 or NaN, another length or number
+    gives the value of no surface, and other rows keep their bits and their gradients either way.
     While a graph is traced (`torch.compile`, `torch.export`, ONNX, fake tensors) and inside `torch.func` transforms of the
     directions nothing is checked. Raises TypeError if `enabled` is not a bool.
     """
@@ -36,34 +39,49 @@ def set_validation(enabled: bool) -> bool:
     return before
 
 
-def check_unit(directions: Mapping[str, Tensor]) -> None:
-    """Raise ValueError, in checked mode, for the first direction (*batch, 3) that is not of unit length."""
+def check_values(module: nn.Module | None, directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> None:
+    """Raise ValueError, in checked mode, for a direction (*batch, 3) that is not of unit length, a number not in [0, 1] or a
+    parameter of `module`, if there is one, out of its range.
+
+    The host reads the result on the CPU block by block, from another device once.
+    """
     if not _checked or torch.compiler.is_compiling():
         return
-    for name, w in directions.items():
-        if not w.numel() or _has_no_values(w):
-            continue
-        with torch.no_grad():
-            seen = _seen_once(w, 1)
-            slack = max(UNIT, 4 * torch.finfo(w.dtype).eps)
-            if any(_strays(part, slack) for part in seen.reshape(-1, 3).split(CHUNK)):
-                _refuse(name, w.detach(), slack)
-
-
-def check_unit_interval(u: Tensor) -> None:
-    """Raise ValueError, in checked mode, for the first random number that is not in [0, 1]."""
-    if not _checked or torch.compiler.is_compiling() or not u.numel() or _has_no_values(u):
-        return
+    given = directions if not isinstance(u, Tensor) else {**directions, "u": u}
+    known = {name: x for name, x in given.items() if x.numel() and not _has_no_values(x)}
     with torch.no_grad():
-        seen = _seen_once(u, 0)
-        # In the order of memory, whatever that of the axes: what is contiguous is read six times as fast.
-        low, high = torch.aminmax(seen.permute(sorted(range(seen.ndim), key=seen.stride, reverse=True)))
-        if not (float(low) >= 0 and float(high) <= 1):
-            bad = ~((u >= 0) & (u <= 1))
-            raise ValueError(
-                f"u must hold numbers in [0, 1); got {first_bad(bad, u)}. Draw them with bsdf.uniforms(batch_shape, "
-                "n_paths), or use torchms.set_validation(False) to skip this check."
-            )
+        bad = {name: _strays(x) if name in directions else _leaves(x) for name, x in known.items()}
+        declared = {} if module is None else parameters(module)
+        held = {name: p for name, p in declared.items() if p.value.numel() and not _has_no_values(p.value)}
+        bad |= {name: _out_of_range(record, value.detach()) for name, (record, value) in held.items()}
+        waiting = [x for x in bad.values() if isinstance(x, Tensor)]
+        if waiting and not bool(torch.stack(waiting).any()):
+            return
+        for name, x in known.items():
+            if bad[name]:
+                (_refuse_direction if name in directions else _refuse_number)(name, x.detach())
+        for name, (record, value) in held.items():
+            if bad[name] and module is not None:
+                _refuse_parameter(module, name, record, value.detach())
+
+
+def check_finite(vectors: Mapping[str, Tensor]) -> None:
+    """Raise ValueError, in checked mode, for a vector (*batch, 3) of any length with a NaN or an infinity in it."""
+    if not _checked or torch.compiler.is_compiling():
+        return
+    known = {name: x for name, x in vectors.items() if x.numel() and not _has_no_values(x)}
+    with torch.no_grad():
+        # A sum that is finite has no term that is not, and one pass makes it.
+        doubtful = [~_seen_once(x, 1).sum().isfinite() for x in known.values()]
+        if not doubtful or not bool(torch.stack([x.to(doubtful[0].device) for x in doubtful]).any()):
+            return
+        for name, x in known.items():
+            bad = ~x.isfinite()
+            if bool(bad.any()):
+                raise ValueError(
+                    f"{name} must hold finite vectors; got {first_bad(bad, x)}. A zero vector stands for a pixel where "
+                    "nothing is; torchms.set_validation(False) skips this check."
+                )
 
 
 def check_random(u: Tensor | Stream | None, D: int, optional: bool, caller: str) -> None:
@@ -124,21 +142,60 @@ def _seen_once(x: Tensor, trailing: int) -> Tensor:
     return x.detach()[tuple(slice(0, 1) if stride == 0 else slice(None) for stride in axes)]
 
 
-def _strays(w: Tensor, slack: float) -> bool:
-    """Whether some |w|² is not within `slack` of 1."""
-    x, y, z = w.unbind(-1)
-    low, high = torch.aminmax((x * x).addcmul_(y, y).addcmul_(z, z))
-    # Also where one is NaN, which `aminmax` hands on.
-    return not (float(low) >= 1 - slack and float(high) <= 1 + slack)
+def _strays(w: Tensor) -> bool | Tensor:
+    """Whether some |w|² is not near 1; off the CPU a tensor that says so, which nobody has waited for."""
+    seen, slack = _seen_once(w, 1).reshape(-1, 3), _slack(w)
+    here = _on_host(w)
+    bad: bool | Tensor = False
+    for part in seen.split(CHUNK) if here else (seen,):
+        x, y, z = part.unbind(-1)
+        bad = _outside((x * x).addcmul_(y, y).addcmul_(z, z), 1 - slack, 1 + slack)
+        if here and bad:
+            break
+    return bad
+
+
+def _leaves(u: Tensor) -> bool | Tensor:
+    """Whether a number is not in [0, 1]; off the CPU a tensor."""
+    seen = _seen_once(u, 0)
+    # In the order of memory, whatever that of the axes: what is contiguous is read six times as fast.
+    return _outside(seen.permute(sorted(range(seen.ndim), key=seen.stride, reverse=True)), 0.0, 1.0)
+
+
+def _outside(x: Tensor, least: float, most: float) -> bool | Tensor:
+    """Whether an element is not in [least, most], also because it is NaN, which `aminmax` hands on."""
+    low, high = torch.aminmax(x)
+    if _on_host(x):
+        return not (float(low) >= least and float(high) <= most)
+    return ~((low >= least) & (high <= most))
+
+
+def _out_of_range(record: Parameter, value: Tensor) -> bool | Tensor:
+    """Whether an element is not in the declared range; off the CPU a tensor."""
+    if not _on_host(value):
+        return record.outside(torch.stack(torch.aminmax(value))).any()
+    low, high = (float(value),) * 2 if value.numel() == 1 else map(float, torch.aminmax(value))
+    inside = (low > record.low if record.open_low else low >= record.low) and high <= record.high
+    # The ends of the range, rounded to the dtype of the value, belong to it.
+    return not inside and bool(record.outside(value).any())
+
+
+def _on_host(x: Tensor) -> bool:
+    """Whether a number of `x` costs nothing to read."""
+    return x.device.type == "cpu"
+
+
+def _slack(w: Tensor) -> float:
+    return max(UNIT, 4 * torch.finfo(w.dtype).eps)
 
 
 def _has_no_values(w: Tensor) -> bool:
     """Whether `w` stands for values that are not known now: traced, fake, or one of many under a transform."""
-    return w.is_meta or isinstance(w, torch._subclasses.FakeTensor) or is_functorch_wrapped_tensor(w)
+    return not has_values(w) or is_functorch_wrapped_tensor(w)
 
 
-def _refuse(name: str, w: Tensor, slack: float) -> None:
-    length2 = (w * w).sum(-1)
+def _refuse_direction(name: str, w: Tensor) -> None:
+    length2, slack = (w * w).sum(-1), _slack(w)
     bad = ~((length2 - 1).abs() <= slack)
     flat = int(bad.reshape(-1).to(torch.uint8).argmax())
     value = ", ".join(f"{x:g}" for x in w.reshape(-1, 3)[flat].tolist())
@@ -146,3 +203,25 @@ def _refuse(name: str, w: Tensor, slack: float) -> None:
         f"{name} must hold unit vectors: |{name}|² within {slack:g} of 1; got {first_bad(bad, length2)}, where {name} = "
         f"({value}). Use torch.nn.functional.normalize({name}, dim=-1), or torchms.set_validation(False) to skip this check."
     )
+
+
+def _refuse_number(name: str, u: Tensor) -> None:
+    bad = ~((u >= 0) & (u <= 1))
+    raise ValueError(
+        f"{name} must hold numbers in [0, 1); got {first_bad(bad, u)}. Draw them with bsdf.uniforms(batch_shape, "
+        "n_paths), or use torchms.set_validation(False) to skip this check."
+    )
+
+
+def _refuse_parameter(module: nn.Module, name: str, record: Parameter, value: Tensor) -> None:
+    raise ValueError(
+        f"{name} of this {type(module).__name__} must lie in {record.range}; got {first_bad(record.outside(value), value)}. "
+        f"{record.remedy} torchms.constrain(bsdf, {name!r}) keeps it there while it is trained; "
+        "torchms.set_validation(False) skips this check."
+    )
+
+
+def given_batches(directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> list[torch.Size]:
+    """The batch shapes of what a method is given."""
+    shapes = [w.shape[:-1] for w in directions.values()]
+    return shapes if u is None else [*shapes, u.shape[:-2] if isinstance(u, Tensor) else u.batch_shape]

@@ -1,155 +1,156 @@
 """Evaluation in cache-sized blocks: memory is bounded by the block, never by the user's batch.
 
 Eager kernels run fastest on 4 k – 16 k numbers at a time; over millions of rows in one go they are an order of
-magnitude slower, because every intermediate is a fresh allocation.
+magnitude slower, because every intermediate is a fresh allocation. Blocks run side by side, one a thread.
 """
 
+import itertools
 import math
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from torchms.evaluation import threads
+from torchms.evaluation.kernel import Kernel
+from torchms.evaluation.numbers import Source, Streamed, flat_rows, lifted, split_rows
 from torchms.maths.frame import Vec3
 from torchms.parameters.declared import Parametric
-from torchms.parameters.exchange import parameters, with_parameters
-from torchms.sampling.stream import Stream
+from torchms.parameters.exchange import parameters, weights, with_parameters
 
 BLOCK = 8192
-"""Rows × paths that are evaluated at a time, unless a call says otherwise."""
+"""Rows × paths that are evaluated at a time on a CPU, unless a call says otherwise."""
+BLOCK_ELSEWHERE = 1 << 22
+"""The same on other devices, which are slow to start an operation and fast to do it."""
 LARGEST = 1 << 48
 """Elements of a batch; more overflow what torch counts with, before they overflow every memory."""
 LANES = 64
 """Vector code and the scalar code at a loop's end differ in last bits: blocks of a multiple of it end as the batch does."""
-
-Kernel = Callable[..., tuple[Tensor, ...]]
-
-
-def _lifted(tensor: Tensor, ndim: int, trailing: int) -> Tensor:
-    """`tensor` with ones in front, so that it has `ndim` axes before its last `trailing` ones."""
-    missing = ndim - (tensor.ndim - trailing)
-    return tensor.reshape((1,) * missing + tuple(tensor.shape))
-
-
-def _rows(tensor: Tensor, batch: torch.Size, trailing: int) -> Tensor:
-    """`tensor` with its batch axes flattened to one; a tensor that is the same for all rows keeps one row."""
-    tail = tensor.shape[tensor.ndim - trailing :]
-    head = tensor.shape[: tensor.ndim - trailing]
-    if head.numel() == 1 and batch.numel() != 1:
-        return tensor.reshape(1, *tail)
-    return tensor.expand(*batch, *tail).reshape(batch.numel(), *tail)
+SHARED = 2048
+"""Elements of an operation from which on torch itself opens threads."""
 
 
 def _components(directions: Sequence[Tensor], batch_ndim: int) -> list[Vec3]:
     """Each direction as components with a path axis of one in front of the batch axes."""
-    return [Vec3(*_lifted(d, batch_ndim, 1).unsqueeze(0).unbind(-1)) for d in directions]
+    return [Vec3(*lifted(d, batch_ndim, 1).unsqueeze(0).unbind(-1)) for d in directions]
 
 
-def _numbers(u: Tensor | None, batch_ndim: int) -> tuple[Tensor, ...]:
-    """The D numbers of `u`, each (N, *batch)."""
-    if u is None:
-        return ()
-    u = _lifted(u, batch_ndim, 2)
-    return u.permute(-1, -2, *range(batch_ndim)).unbind(0)
-
-
-def batch_shape(module: Parametric, directions: Sequence[Tensor], u: Tensor | Stream | None) -> torch.Size:
+def batch_shape(module: Parametric, directions: Sequence[Tensor], source: Source) -> torch.Size:
     """The shape to which directions, random numbers and per-pixel parameters broadcast.
 
     Raises ValueError if they do not, or if that has more elements than can be counted.
     """
-    shapes = [d.shape[:-1] for d in directions]
-    if u is not None:
-        shapes.append(u.batch_shape if isinstance(u, Stream) else u.shape[:-2])
-    shapes += module.parameter_batch_shapes()
+    given = {"wi": directions[0].shape[:-1]}
+    given |= {"wo": directions[1].shape[:-1]} if len(directions) > 1 else {}
+    given |= {"u": source.batch_shape} if source.batch_shape else {}
+    shapes = module.parameter_batch_shapes()
     try:
-        batch = torch.broadcast_shapes(*shapes)
+        batch = torch.broadcast_shapes(*given.values(), *shapes)
         if not torch.compiler.is_compiling() and math.prod(batch) > LARGEST:
             raise ValueError(f"the batch {tuple(batch)} has more than 2^48 elements. Evaluate parts of it.")
         return batch
     except RuntimeError:
-        names = ["wi", "wo"][: len(directions)] + (["u"] if u is not None else [])
-        listing = ", ".join(f"{name} {tuple(shape)}" for name, shape in zip(names, shapes, strict=False))
-        parameters = [tuple(s) for s in shapes[len(names) :] if s]
+        listing = ", ".join(f"{name} {tuple(shape)}" for name, shape in given.items())
         raise ValueError(
-            f"batch shapes do not broadcast: {listing}; parameters {parameters}. wi and wo are (*batch, 3), "
-            "u is (*batch, N, D), parameters are (*batch)."
+            f"batch shapes do not broadcast: {listing}; parameters {[tuple(s) for s in shapes if s]}. wi and wo are "
+            "(*batch, 3), u is (*batch, N, D), parameters are (*batch)."
         ) from None
 
 
+def whole(kernel: Kernel, module: Parametric, directions: Sequence[Tensor], source: Source) -> tuple[Tensor, ...]:
+    """`kernel` over the whole batch at once, whose axes stay: what is traced has no blocks."""
+    batch = batch_shape(module, directions, source)
+    if isinstance(source, Streamed):
+        source = source.spread(batch, directions[0].device)
+    outputs = kernel(module, *_components(directions, len(batch)), source.numbers(len(batch)))
+    return tuple(surfaced(out, batch, kernel.per_path) for out in outputs)
+
+
 def run(
-    kernel: Kernel,
-    module: Any,
-    directions: Sequence[Tensor],
-    u: Tensor | Stream | None,
-    *,
-    per_path: bool = False,
-    block: int | None = None,
+    kernel: Kernel, module: Parametric, directions: Sequence[Tensor], source: Source, block: int | None = None
 ) -> tuple[Tensor, ...]:
-    """`kernel(module, *directions, numbers)` over blocks of rows and paths.
+    """`kernel` over blocks of rows and paths: (*batch, *lead), or (*batch, N, *lead) if it is per path.
 
-    The kernel sees directions as `Vec3` of (1, *rows) and numbers of (N, *rows), and returns tensors (*lead, *rows),
-    mean over the paths, or (*lead, N, *rows) if `per_path`. The results are (*batch, *lead) and (*batch, N, *lead).
-    block: rows × paths of one; None for `BLOCK`, or what the engine was compiled for.
+    block: rows × paths of one; None for `BLOCK`, or `BLOCK_ELSEWHERE` off the CPU.
     """
-    batch = batch_shape(module, directions, u)
     if torch.compiler.is_compiling():
-        nb = len(batch)
-        if isinstance(u, Stream):
-            numbers = u.numbers(u.seeds(batch, directions[0].device), module.n_uniforms, module.dtype)
-        else:
-            numbers = _numbers(u, nb)
-        outputs = kernel(module, *_components(directions, nb), numbers)
-        return tuple(_surfaced(out, batch, per_path) for out in outputs)
+        return whole(kernel, module, directions, source)
+    batch = batch_shape(module, directions, source)
+    device = directions[0].device
+    n_rows, n_paths = batch.numel(), source.n_paths
+    rows, paths = _cut(n_rows, n_paths, block or (BLOCK if device.type == "cpu" else BLOCK_ELSEWHERE))
+    results = _Results(kernel, rows, paths)
+    parts = _Parts(module, batch, directions, source.flattened(batch, device), rows)
 
-    n_rows = batch.numel()
-    n_paths = 1 if u is None else u.n_paths if isinstance(u, Stream) else u.shape[-2]
-    flat_directions = [_rows(d, batch, 1) for d in directions]
-    flat_u = _rows(u, batch, 2) if isinstance(u, Tensor) else None
-    declared = parameters(module)
-    flattened = {name: _flat_parameter(value, batch, record.channels) for name, (record, value) in declared.items()}
-    mapped = {name: p for name, p in flattened.items() if p.ndim > declared[name].record.channels}
-    flat = with_parameters(module, flattened)
+    def compute(row: int, some: Sequence[int]) -> None:
+        here, components, numbers = parts.of(row)
+        for path in some:
+            results.add(row, path, kernel(here, *components, numbers.paths(paths[path]).numbers()))
 
-    engine = module.engine if n_rows else None
-    size = (block or BLOCK) if engine is None else engine.block(module)
-    identity = None if engine is None else engine.identify(module)
-    row_step = max(1, min(n_rows, size // max(1, n_paths)))
-    if LANES < row_step < n_rows:
-        row_step -= row_step % LANES
-    path_step = max(1, min(n_paths, size))
-    blocks = _Collector(n_rows, n_paths, per_path)
-    for a in range(0, max(n_rows, 1), row_step):
-        rows = slice(a, min(a + row_step, n_rows))
-        here = with_parameters(flat, {name: p[rows] for name, p in mapped.items()})
-        some = _components([d if len(d) == 1 != n_rows else d[rows] for d in flat_directions], 1)
-        seeds = u.block(batch, rows, directions[0].device) if isinstance(u, Stream) else None
-        for b in range(0, max(n_paths, 1), path_step):
-            paths = slice(b, min(b + path_step, n_paths))
-            if flat_u is not None:
-                numbers = _numbers((flat_u if len(flat_u) == 1 != n_rows else flat_u[rows])[:, paths], 1)
-            elif isinstance(u, Stream) and seeds is not None:
-                numbers = u.numbers(seeds, module.n_uniforms, module.dtype, paths)
+    n = threads.n_threads() if device.type == "cpu" else 1
+    if n == 1 or max(rows) * min(n_paths, paths[0].stop) <= SHARED or threads.bound_to_this_thread():
+        for row in range(len(rows)):
+            compute(row, range(len(paths)))
+    elif len(rows) >= n:
+        threads.share(len(rows), lambda row: compute(row, range(len(paths))), n, join=False)
+    else:
+        jobs = list(itertools.product(range(len(rows)), range(len(paths))))
+        threads.share(len(jobs), lambda i: compute(jobs[i][0], [jobs[i][1]]), n, join=False)
+    return tuple(out.reshape((*batch, *out.shape[1:])) for out in results.found())
+
+
+def _cut(n_rows: int, n_paths: int, size: int) -> tuple[list[int], list[slice]]:
+    """Rows of each block, and the parts of the paths, none larger than `size` elements."""
+    step = max(1, min(n_rows, size // max(1, n_paths)))
+    if LANES < step < n_rows:
+        step -= step % LANES
+    rows = [min(step, n_rows - first) for first in range(0, n_rows, step)] or [0]
+    at_once = max(1, min(n_paths, size))
+    return rows, [slice(first, min(first + at_once, n_paths)) for first in range(0, n_paths, at_once)]
+
+
+class _Parts:
+    """Directions, random numbers and parameters of each block of rows."""
+
+    def __init__(
+        self, module: Parametric, batch: torch.Size, directions: Sequence[Tensor], source: Source, rows: list[int]
+    ) -> None:
+        self.directions = [_each(flat_rows(d, batch, 1), rows) for d in directions]
+        self.sources = source.rows(rows)
+        declared = parameters(module)
+        self.maps: dict[str, Sequence[Tensor]] = {}
+        single = {}
+        for name, (record, value) in declared.items():
+            if record.batch(value).numel() == 1:
+                single[name] = value.reshape(value.shape[-1:] if record.channels else ())
             else:
-                numbers = ()
-            if engine is None:
-                outputs = kernel(here, *some, numbers)
-            else:
-                shape = (paths.stop - paths.start, rows.stop - rows.start)
-                outputs = engine(kernel, here, some, numbers, shape, per_path, identity)
-            blocks.add(outputs, rows, paths)
-    return tuple(out.reshape((*batch, *out.shape[1:])) for out in blocks.results())
+                self.maps[name] = flat_rows(value, batch, int(record.channels)).split(rows)
+        # What all blocks share and a gradient is wanted of, a tensor of its own for each: their gradients are added up in
+        # the order of the blocks, whichever is done first.
+        others = {name: x for name, x in weights(module).items() if x.requires_grad}
+        if len(rows) > 1 and torch.is_grad_enabled():
+            for name, x in (single | others).items():
+                if x.requires_grad:
+                    single.pop(name, None)
+                    self.maps[name] = x.expand(len(rows), *x.shape).unbind(0)
+        self.module = with_parameters(module, single)
+
+    def of(self, row: int) -> tuple[Any, list[Vec3], Source]:
+        """What the kernel is given for block `row`."""
+        here = with_parameters(self.module, {name: parts[row] for name, parts in self.maps.items()})
+        return here, _components([parts[row] for parts in self.directions], 1), self.sources[row]
 
 
-def _flat_parameter(value: Tensor, batch: torch.Size, channels: bool) -> Tensor:
-    shape = value.shape[:-1] if channels else value.shape
-    if shape.numel() == 1:
-        return value.reshape(value.shape[-1:] if channels else ())
-    return _rows(value, batch, 1 if channels else 0)
+def _each(x: Tensor, rows: list[int]) -> Sequence[Tensor]:
+    """`x` of each block of rows."""
+    if len(x) == 1 and len(rows) > 1 and x.requires_grad:
+        return x.expand(len(rows), *x.shape).unbind(0)
+    return split_rows(x, rows)
 
 
-def _surfaced(out: Tensor, batch: torch.Size, per_path: bool) -> Tensor:
+def surfaced(out: Tensor, batch: torch.Size, per_path: bool) -> Tensor:
     """(*lead, [N], *batch) → (*batch, [N], *lead)."""
     nb = len(batch)
     tail = out.ndim - nb
@@ -159,51 +160,67 @@ def _surfaced(out: Tensor, batch: torch.Size, per_path: bool) -> Tensor:
     return out.permute(order)
 
 
-class _Collector:
+class _Results:
     """Puts the blocks' results together: in place where no gradient is wanted, by concatenation where one is.
 
     Results are (n_rows, [N], *lead) views of (*lead, [N], n_rows) memory, so that each component is contiguous: what the
     kernels write, and what they read fastest if it is given back to them.
     """
 
-    def __init__(self, n_rows: int, n_paths: int, per_path: bool) -> None:
-        self.n_rows, self.n_paths, self.per_path = n_rows, n_paths, per_path
+    def __init__(self, kernel: Kernel, rows: list[int], paths: list[slice]) -> None:
+        self.per_path, self.rows, self.paths = kernel.per_path, rows, paths
+        self.n_paths = paths[-1].stop if paths else 0
+        self.first = [0, *itertools.accumulate(rows)]
         self.whole: list[Tensor] = []
-        self.pieces: list[list[Tensor]] | None = None
-        self.row: list[list[Tensor]] = []
+        self.pieces: dict[tuple[int, int], tuple[Tensor, ...]] = {}
+        self.lock = threading.Lock()
 
-    def add(self, outputs: tuple[Tensor, ...], rows: slice, paths: slice) -> None:
-        if not self.per_path:
-            share = (paths.stop - paths.start) / self.n_paths
-            outputs = tuple(out if share == 1 else out * share for out in outputs)
-        if any(out.requires_grad for out in outputs) or self.pieces is not None:
-            size = torch.Size([rows.stop - rows.start])
-            self._append(tuple(_surfaced(out, size, self.per_path) for out in outputs), paths)
-            return
-        if not self.whole:
-            for out in outputs:
-                lead = (*out.shape[:-2], self.n_paths) if self.per_path else out.shape[:-1]
-                self.whole.append(out.new_empty(*lead, self.n_rows))
+    def add(self, row: int, path: int, outputs: tuple[Tensor, ...]) -> None:
+        """What the kernel gave for one block; blocks may come in any order."""
+        paths = self.paths[path]
+        share = (paths.stop - paths.start) / self.n_paths
+        if not self.per_path and share != 1:
+            outputs = tuple(out * share for out in outputs)
+        if any(out.requires_grad for out in outputs) or not (self.per_path or len(self.paths) == 1):
+            self.pieces[row, path] = outputs
+        else:
+            self._write(row, paths, outputs)
+
+    def _write(self, row: int, paths: slice, outputs: Sequence[Tensor]) -> None:
+        with self.lock:
+            if not self.whole:
+                for out in outputs:
+                    lead = (*out.shape[:-2], self.n_paths) if self.per_path else out.shape[:-1]
+                    self.whole.append(out.new_empty(*lead, self.first[-1]))
+        rows = slice(self.first[row], self.first[row + 1])
         for whole, out in zip(self.whole, outputs, strict=True):
             if self.per_path:
                 whole[..., paths, rows] = out
-            elif paths.start == 0:
-                whole[..., rows] = out
             else:
-                whole[..., rows] += out
+                whole[..., rows] = out
 
-    def _append(self, outputs: tuple[Tensor, ...], paths: slice) -> None:
-        if self.pieces is None:
-            self.pieces = [[] for _ in outputs]
-        if paths.start == 0:
-            self.row = [[] for _ in outputs]
-        for column, out in zip(self.row, outputs, strict=True):
-            column.append(out)
-        if paths.stop == self.n_paths:
-            for piece, column in zip(self.pieces, self.row, strict=True):
-                piece.append(torch.cat(column, 1) if self.per_path else sum(column[1:], column[0]))
+    def found(self) -> list[Tensor]:
+        """Everything: (n_rows, [N], *lead)."""
+        if self.pieces:
+            parts = [self._joined(row) for row in range(len(self.rows))]
+            if any(out.requires_grad for out in parts[0]):
+                sized = [
+                    [surfaced(out, torch.Size([size]), self.per_path) for out in part]
+                    for size, part in zip(self.rows, parts, strict=True)
+                ]
+                return [torch.cat(column) for column in zip(*sized, strict=True)]
+            for row, part in enumerate(parts):
+                self._write(row, slice(0, self.n_paths), part)
+        return [surfaced(whole, torch.Size([self.first[-1]]), self.per_path) for whole in self.whole]
 
-    def results(self) -> list[Tensor]:
-        if self.pieces is not None:
-            return [torch.cat(piece) for piece in self.pieces]
-        return [_surfaced(whole, torch.Size([self.n_rows]), self.per_path) for whole in self.whole]
+    def _joined(self, row: int) -> list[Tensor]:
+        """The parts of the paths of one block of rows, added up or side by side, always in the same order."""
+        columns = zip(*(self.pieces[row, path] for path in range(len(self.paths))), strict=True)
+        size = self.rows[row]
+        if not self.per_path:
+            return [sum(column[1:], column[0]) for column in columns]
+        lengths = [paths.stop - paths.start for paths in self.paths]
+        return [
+            torch.cat([out.expand(*out.shape[:-2], n, size) for out, n in zip(column, lengths, strict=True)], -2)
+            for column in columns
+        ]

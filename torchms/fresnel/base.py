@@ -9,6 +9,7 @@ from torch import Tensor
 from torchms.maths.frame import kind_of
 from torchms.maths.numerics import widened
 from torchms.parameters.declared import Parametric, describe
+from torchms.parameters.maps import fitted
 from torchms.typing import Scalar, Spectrum
 
 
@@ -17,6 +18,9 @@ class Fresnel(Parametric, ABC):
 
     A subclass gives `reflectance` and `n_channels`. Everything is unpolarised and dimensionless.
     """
+
+    is_lossless: bool = False
+    """Whether a facet reflects all light, so that nothing is lost on it."""
 
     @property
     @abstractmethod
@@ -35,11 +39,12 @@ class Fresnel(Parametric, ABC):
     def forward(self, cos_theta: Scalar) -> Spectrum:
         """Reflectance [1], in [0, 1] up to rounding, of a facet met at `cos_theta` = w · m; channels last.
 
-        Every element is computed for its own cosine; a NaN stays a NaN. Raises TypeError if it is no floating tensor.
+        Every element is computed for its own cosine; a NaN stays a NaN. Raises TypeError if it is no floating tensor,
+        ValueError for a gray map (H, W) of a parameter with channels beside cosines (H, W): give it as (H, W, 1).
         """
         if not isinstance(cos_theta, Tensor) or not cos_theta.is_floating_point():
             raise TypeError(f"cos_theta must be a floating-point Tensor (*batch); got {kind_of(cos_theta)}.")
-        F = self.reflectance(widened(cos_theta)).movedim(0, -1)
+        F = fitted(self, cos_theta.shape).reflectance(widened(cos_theta)).movedim(0, -1)
         return torch.where(cos_theta.isnan().unsqueeze(-1), math.nan, F)
 
     def extra_repr(self) -> str:

@@ -3,9 +3,9 @@
 import torch
 from torch import Tensor
 
-from torchms.fresnel.base import Fresnel, from_front
+from torchms.fresnel.base import from_front
+from torchms.fresnel.interface import Interface
 from torchms.maths.numerics import safe_div, safe_sqrt, smallest
-from torchms.parameters.declared import Value
 
 
 def fresnel_dielectric(cos_i: Tensor, eta: Tensor) -> tuple[Tensor, Tensor]:
@@ -32,7 +32,17 @@ def fresnel_dielectric(cos_i: Tensor, eta: Tensor) -> tuple[Tensor, Tensor]:
     return torch.where(total, 1.0, r_s * r_s * (1 + ratio * ratio) / 2), g / eta
 
 
-class Dielectric(Fresnel):
+def transmittance(c: Tensor, g: Tensor, eta: Tensor) -> Tensor:
+    """1 − F from c = cos θ_i and g = η cos θ_t, both at least 0, without the cancellation near total reflection.
+
+    [Walter2007] Eq. 22 in its two polarisations, 1 − r² with r_s = (c − g) / (c + g), r_p = (η² c − g) / (η² c + g).
+    """
+    c, g = c.clamp_min(0), g.clamp_min(0)
+    s, p = c + g, eta * eta * c + g
+    return 2 * c * g * (safe_div(torch.ones_like(s), s * s) + safe_div(eta * eta, p * p))
+
+
+class Dielectric(Interface):
     """Reflectance of a smooth boundary between two transparent media [1], one channel; 1 − F is transmitted.
 
     `eta` = n_inside / n_outside, in [1e-6, 1e6], is a number or has shape (*batch). The sign of cos θ tells the side
@@ -43,7 +53,7 @@ class Dielectric(Fresnel):
 
     eta: Tensor
 
-    def __init__(self, eta: Value) -> None:
+    def __init__(self, eta: float | Tensor) -> None:
         super().__init__()
         self.declare(
             "eta",
@@ -60,6 +70,9 @@ class Dielectric(Fresnel):
 
     def reflectance(self, cos_theta: Tensor) -> Tensor:
         """Kernel: (1, *any) for signed cosines (*any)."""
-        eta = torch.where(cos_theta < 0, 1 / self.eta, self.eta)
-        F, _ = fresnel_dielectric(from_front(cos_theta), eta)
+        F, _ = fresnel_dielectric(from_front(cos_theta), self.relative_eta(cos_theta))
         return F.unsqueeze(0)
+
+    def transmittance(self, cos_theta: Tensor, cos_t: Tensor) -> Tensor:
+        eta = self.relative_eta(cos_theta)
+        return transmittance(from_front(cos_theta), eta * cos_t, eta).unsqueeze(0)

@@ -9,6 +9,8 @@ from torchms.fresnel.base import Fresnel
 class Ideal(Fresnel):
     """Reflectance 1 at every angle, one channel."""
 
+    is_lossless = True
+
     @property
     def n_channels(self) -> int:
         """1."""

@@ -1,13 +1,13 @@
 """Energies per order and lobes of a BSDF, by its own random walk."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 
 import torch
 from torch import Tensor
 
 from torchms.bsdfs.base import BSDF
 from torchms.cli.progress import progress_bar
+from torchms.evaluation.workers import Workers
 from torchms.lobes.tally import Lobes, Tally
 from torchms.maths.frame import Vec3
 from torchms.sampling.uniforms import draw, generator_for
@@ -56,9 +56,9 @@ def measure(
     sums: _Sums | None = None
     with (
         progress_bar("walks", n_paths, progress) as advance,
-        ThreadPoolExecutor(threads or min(len(sizes), os.cpu_count() or 1)) as pool,
+        Workers(threads or min(len(sizes), os.cpu_count() or 1)) as workers,
     ):
-        for size, part in zip(sizes, pool.map(block, range(len(sizes))), strict=True):
+        for size, part in zip(sizes, workers.map(block, range(len(sizes))), strict=True):
             sums = part if sums is None else sums.plus(part)
             advance(size)
     assert sums is not None

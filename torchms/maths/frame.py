@@ -4,6 +4,7 @@ Component-split kernels are what both eager mode and Inductor run fast; `split` 
 two places where the layout changes.
 """
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -57,6 +58,12 @@ def pair(u: Tensor) -> tuple[Tensor, Tensor]:
 def join(v: Vec3) -> Tensor:
     """The (..., 3) tensor of three components."""
     return torch.stack(torch.broadcast_tensors(*v), dim=-1)
+
+
+def direction(theta: float, phi: float = 0.0, dtype: torch.dtype = torch.float64) -> Tensor:
+    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
+    sin = math.sin(theta)
+    return torch.tensor([sin * math.cos(phi), sin * math.sin(phi), math.cos(theta)], dtype=dtype)
 
 
 def scaled(v: Vec3, s: Tensor) -> Vec3:

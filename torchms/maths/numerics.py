@@ -22,6 +22,11 @@ def own_precision(x: Tensor) -> contextlib.AbstractContextManager[object]:
     return torch.autocast(kind, enabled=False) if shortened else contextlib.nullcontext()
 
 
+def has_values(x: Tensor) -> bool:
+    """Whether the numbers of `x` can be looked at now: those of a meta or a fake tensor cannot."""
+    return not x.is_meta and not isinstance(x, torch._subclasses.FakeTensor)
+
+
 def smallest(dtype: torch.dtype) -> float:
     """Smallest squared length (or radicand) that is treated as positive: far above denormals, far below any use."""
     return 1e-30 if dtype == torch.float32 else 1e-200
@@ -55,9 +60,14 @@ def safe_div(a: Tensor, b: Tensor) -> Tensor:
 
 def score(p: Tensor) -> Tensor:
     """p / p = 1 with the gradient of ln p: what a sample of density p weighs; without a gradient where p is 0."""
-    held = p.detach()
-    ok = held > smallest(p.dtype)
-    return torch.where(ok, p, 1.0) / torch.where(ok, held, 1.0)
+    return score_of(p, p)
+
+
+def score_of(value: Tensor, density: Tensor) -> Tensor:
+    """`value` over the `density` that it was drawn with, which is held; 1, without a gradient, where the density is 0."""
+    held = density.detach()
+    ok = held > smallest(held.dtype)
+    return torch.where(ok, value, 1.0) / torch.where(ok, held, 1.0)
 
 
 def log1p(x: Tensor) -> Tensor:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from torchms.onnx import seal
 
-BLOCK = 16384
+BLOCK_ROWS = 16384
 """Rows × paths that go to the runtime at a time."""
 
 MOST_BYTES = 1 << 28
@@ -60,7 +60,7 @@ class Evaluator:
     unknown inputs and wrong dtypes, ValueError for shapes and for parameters out of range.
     """
 
-    def __init__(self, path: str | Path, *, threads: int = 1, block: int = BLOCK, verify: bool = True) -> None:
+    def __init__(self, path: str | Path, *, threads: int = 1, block: int = BLOCK_ROWS, verify: bool = True) -> None:
         if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
             raise ValueError(f"Evaluator(threads=...) must be an int of 1 or more; got {threads!r}.")
         if isinstance(block, bool) or not isinstance(block, int) or block < 1:
@@ -222,11 +222,17 @@ class Evaluator:
         return [out[:size] for out in self.session.run(None, feed)]
 
 
-def _session(content: bytes, name: str) -> Any:
+def runtime() -> Any:
+    """ONNX Runtime, or an ImportError that says how to get it."""
     try:
         import onnxruntime
     except ImportError as error:
         raise ImportError("Evaluator needs onnxruntime, of the onnx extra: pip install torchms[onnx].") from error
+    return onnxruntime
+
+
+def _session(content: bytes, name: str) -> Any:
+    onnxruntime = runtime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads, options.inter_op_num_threads = 1, 1
     options.log_severity_level = 3

@@ -1,31 +1,19 @@
 """`export`: one evaluator, one self-contained file."""
 
-import contextlib
-import json
-import logging
-import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import torch
 
 from torchms.bsdfs.base import BSDF
-from torchms.citations import cite
 from torchms.onnx import seal
+from torchms.onnx.double import refuse_rounded
 from torchms.onnx.graph import UNIFORMS, WHATS, Graph, Slot, slots
+from torchms.onnx.metadata import describe
+from torchms.onnx.tracing import traced
 from torchms.storage.write import check_writable, write_whole
-from torchms.version import __version__
 
-OPSET = 20
 EXTRA = "It belongs to the onnx extra: pip install torchms[onnx]."
-
-CONVENTIONS = (
-    "Directions are unit vectors in the local frame, +z the macro-normal, pointing away from the surface; wi is where "
-    "light is known to be, wo where it is asked for. A value is f(wi, wo) |cos theta_o| [1/sr], its last axis the "
-    "channels; orders[:, k-1] is what left after exactly k bounces; value is their sum. A pdf is a density over solid "
-    "angle [1/sr]. alpha is the roughness of the slopes; u holds independent numbers in [0, 1), paths then dimensions."
-)
 
 
 def export(
@@ -53,11 +41,9 @@ def export(
     Raises ValueError for arguments out of range and for what cannot be exported, with the reason; FileExistsError if
     `path` exists and `force` is not set; ImportError if the onnx extra is missing.
     """
-    content = exported(
-        bsdf, what=what, parameters=parameters, uniforms=uniforms, n_paths=n_paths, target=check_writable(path, force)
-    )
-    write_whole(path, content, force)
-    return Path(path)
+    target = check_writable(path, force)
+    write_whole(target, exported(bsdf, what=what, parameters=parameters, uniforms=uniforms, n_paths=n_paths), force)
+    return target
 
 
 def exported(
@@ -67,7 +53,6 @@ def exported(
     parameters: Sequence[str] = (),
     uniforms: str = "input",
     n_paths: int | None = 1,
-    target: Path | None = None,
 ) -> bytes:
     """What `export` writes, as bytes."""
     try:
@@ -125,138 +110,3 @@ def checked(bsdf: BSDF, what: str, parameters: Sequence[str], uniforms: str, n_p
                 f"for any batch. Make it an input: parameters=({name!r}, ...)."
             )
     return Graph(bsdf, what, chosen, uniforms, n_paths).eval()
-
-
-def traced(graph: Graph) -> Any:
-    """`graph` as an onnx.ModelProto without a trace of the machine it was made on."""
-    from onnxscript import ir
-
-    from torchms.onnx.passes import clean, translations
-
-    with _quiet(), torch.no_grad():
-        try:
-            program = torch.onnx.export(
-                graph,
-                graph.example(),
-                dynamo=True,
-                input_names=graph.input_names,
-                output_names=graph.output_names,
-                dynamic_shapes=(graph.dynamic_shapes(),),
-                opset_version=OPSET,
-                custom_translation_table=translations(),
-                verbose=False,
-            )
-        except torch.onnx.OnnxExporterError as error:
-            raise ValueError(
-                f"{type(graph.bsdf).__name__} with {_line(graph.bsdf.scattering)} cannot be exported ({graph.what}): "
-                f"{_root(error)}"
-            ) from error
-    assert program is not None
-    clean(program.model)
-    if graph.bsdf.dtype == torch.float64:
-        refuse_float32(program.model, graph)
-    return ir.serde.serialize_model(program.model)
-
-
-def refuse_float32(model: Any, graph: Graph) -> None:
-    """Raise ValueError if a float64 graph computes anything in float32."""
-    from onnxscript import ir
-
-    single = [
-        value.name
-        for node in ir.traversal.RecursiveGraphIterator(model.graph)
-        for value in node.outputs
-        if value.dtype == ir.DataType.FLOAT
-    ]
-    single += [name for name, value in model.graph.initializers.items() if value.dtype == ir.DataType.FLOAT]
-    if single:
-        raise ValueError(
-            f"a float64 file is offered only where all of it is float64; {type(graph.bsdf).__name__} with "
-            f"{_line(graph.bsdf.scattering)} ({graph.what}) has {len(single)} float32 values. Export bsdf.float()."
-        )
-
-
-def refuse_rounded(content: bytes, graph: Graph) -> None:
-    """Raise ValueError if a float64 file does not give float64 numbers: a constant may have been rounded on its way."""
-    from torchms.onnx.check import check
-
-    parity = check(content, graph, rows=4096)
-    if parity.failures:
-        raise ValueError(
-            f"a float64 file is offered only where it is as good as that; {type(graph.bsdf).__name__} with "
-            f"{_line(graph.bsdf.scattering)} ({graph.what}) is not: {'; '.join(parity.failures)}. Export bsdf.float()."
-        )
-
-
-def describe(model: Any, graph: Graph) -> None:
-    """Write the conventions and what the file holds into its metadata."""
-    bsdf, dtype = graph.bsdf, str(graph.bsdf.dtype).removeprefix("torch.")
-    C, N = bsdf.n_channels, graph.n_paths if graph.n_paths is not None else "paths"
-    shapes: dict[str, list[int | str]] = {"wi": ["batch", 3], "wo": ["batch", 3], "seed": ["batch"]}
-    shapes["u"] = ["batch", N, graph.n_uniforms]
-    inputs = []
-    by_name = {slot.name: slot for slot in graph.slots}
-    for name in graph.input_names:
-        slot = by_name.get(name)
-        entry: dict[str, Any] = {"name": name, "dtype": "int64" if name == "seed" else dtype}
-        if slot is None:
-            entry["shape"] = shapes[name]
-        else:
-            record = slot.record
-            entry |= {"shape": ["batch", C] if record.channels else ["batch"], "low": record.low, "high": record.high}
-        inputs.append(entry)
-    outputs = {
-        "forward": {"value": ["batch", C]},
-        "orders": {"orders": ["batch", bsdf.max_order, C]},
-        "sample": {"wo": ["batch", N, 3], "pdf": ["batch", N]},
-        "pdf": {"pdf": ["batch"]},
-    }[graph.what]
-    entries = {
-        "torchms.version": __version__,
-        "torchms.what": graph.what,
-        "torchms.conventions": CONVENTIONS,
-        "torchms.material": _line(bsdf),
-        "torchms.model": _line(bsdf.scattering),
-        "torchms.orders": str(bsdf.max_order),
-        "torchms.channels": str(C),
-        "torchms.uniforms": graph.uniforms,
-        "torchms.n_paths": str(N),
-        "torchms.n_uniforms": str(graph.n_uniforms if graph.draws else 0),
-        "torchms.opset": str(OPSET),
-        "torchms.inputs": json.dumps(inputs),
-        "torchms.outputs": json.dumps([{"name": k, "shape": s, "dtype": dtype} for k, s in outputs.items()]),
-        "torchms.citation": cite(bsdf),
-    }
-    del model.metadata_props[:]
-    for key, value in entries.items():
-        model.metadata_props.add(key=key, value=value)
-    model.producer_name, model.producer_version = "torchms", __version__
-    model_name = type(bsdf.scattering).__name__
-    model.doc_string = f"{graph.what} of {type(bsdf).__name__}, {model_name}: see the metadata for the conventions."
-
-
-def _line(module: torch.nn.Module) -> str:
-    """A module's description on one line."""
-    return " ".join(str(module).split())
-
-
-def _root(error: BaseException) -> str:
-    """First line of what went wrong in the first place."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    lines = [line for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the exporter's remarks about torchvision and about its own internals."""
-    logger = logging.getLogger("torch.onnx")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.setLevel(level)

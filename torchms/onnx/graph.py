@@ -8,12 +8,14 @@ import torch
 from torch import Tensor, nn
 from torch.overrides import TorchFunctionMode
 
-from torchms.bsdfs import base
+from torchms.bsdfs import kernels
 from torchms.bsdfs.base import BSDF
 from torchms.evaluation import blocks
+from torchms.evaluation.numbers import source
 from torchms.parameters.declared import Parameter
-from torchms.parameters.exchange import declarations, parameters, with_parameters
-from torchms.sampling.stream import BITS, Stream, sobol
+from torchms.parameters.exchange import declarations, parameters, weights, with_parameters
+from torchms.sampling.point_sets import BITS, sobol
+from torchms.sampling.stream import Stream
 
 WHATS = ("forward", "orders", "sample", "pdf")
 UNIFORMS = ("input", "sobol", "seed")
@@ -40,10 +42,12 @@ def slots(bsdf: BSDF) -> dict[str, Slot]:
 
 
 def replaced(bsdf: BSDF, values: dict[Slot, Tensor], dtype: torch.dtype | None = None) -> BSDF:
-    """A copy of `bsdf` with these values in their slots and the others in `dtype`; nothing is validated."""
+    """A copy of `bsdf` with these values in their slots and the others, weights included, in `dtype`; nothing is validated."""
     others = {name: value.detach() for name, (_, value) in parameters(bsdf).items()}
     if dtype is not None:
-        others = {name: value.to(dtype) for name, value in others.items()}
+        # Networks and tables compute in the dtype of what they are given.
+        others |= {name: x.detach() for name, x in weights(bsdf).items() if x.is_floating_point()}
+        others = {name: x.to(dtype) for name, x in others.items()}
     return with_parameters(bsdf, others | {slot.dotted: value for slot, value in values.items()})
 
 
@@ -81,7 +85,7 @@ class Graph(nn.Module):
     def output_names(self) -> list[str]:
         return {"forward": ["value"], "orders": ["orders"], "sample": ["wo", "pdf"], "pdf": ["pdf"]}[self.what]
 
-    def example(self, rows: int = 3, device: torch.device | None = None) -> tuple[Tensor, ...]:
+    def example(self, rows: int = 3) -> tuple[Tensor, ...]:
         """Inputs of the right shapes."""
         dtype, C = self.bsdf.dtype, self.bsdf.n_channels
         direction = torch.tensor([0.6, 0.0, 0.8], dtype=dtype).expand(rows, 3).clone()
@@ -114,7 +118,8 @@ class Graph(nn.Module):
             wi, wo = given["wi"], given.get("wo")
             if self.what == "sample":
                 # Past the check that `u` has all the numbers of a path: a sample uses only its own.
-                return blocks.run(base._sample, bsdf, (wi,), self.numbers(given), per_path=True)
+                numbers = source(self.numbers(given), self.n_uniforms, bsdf.dtype)
+                return blocks.run(kernels.SAMPLE, bsdf, (wi,), numbers)
             assert wo is not None
             if self.what == "pdf":
                 return (bsdf.pdf(wi, wo),)

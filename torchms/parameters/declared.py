@@ -1,13 +1,13 @@
 """Parameters of a batch: how a module declares, checks and stores the numbers that describe a surface."""
 
+import inspect
 from dataclasses import dataclass, field
 from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn.utils import parametrize
 
-from torchms.maths.numerics import widened
+from torchms.maths.numerics import has_values, widened
 
 Value = float | int | list[Any] | tuple[Any, ...] | Tensor
 """What a constructor takes for a parameter: a number, a list of channels, or a tensor, (*batch) or (*batch, C)."""
@@ -94,6 +94,11 @@ class Parametric(nn.Module):
         elif isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
             kind = "None" if value is None else type(value).__name__
             raise TypeError(f"{label} must be a float, a Tensor or an nn.Parameter; got {kind}.")
+        elif isinstance(value, list | tuple) and not channels:
+            raise TypeError(
+                f"{label} must be one number, or a tensor of one for every element of a batch; got {value!r}. "
+                f"{self._remedy_of_list(value)}"
+            )
         else:
             try:
                 tensor = torch.tensor(value, dtype=torch.get_default_dtype())
@@ -109,7 +114,7 @@ class Parametric(nn.Module):
             tensor = tensor.reshape(1)
         if channels and tensor.shape[-1] == 0:
             raise ValueError(f"{label} must have at least one channel, on its last axis; got {tuple(tensor.shape)}.")
-        if not tensor.is_meta and not isinstance(tensor, torch._subclasses.FakeTensor):
+        if has_values(tensor):
             bad = record.outside(tensor.detach())
             if bool(bad.any()):
                 raise ValueError(f"{label} must lie in {record.range}; got {first_bad(bad, tensor)}. {remedy}")
@@ -117,6 +122,15 @@ class Parametric(nn.Module):
             self.register_parameter(name, tensor)
         else:
             self.register_buffer(name, tensor)
+
+    def _remedy_of_list(self, value: list[Any] | tuple[Any, ...]) -> str:
+        """What to write for a list where a number stands: it may mean several arguments, or a batch."""
+        arguments = list(inspect.signature(type(self)).parameters)[: len(value)]
+        batch = f"torch.tensor({list(value)})"
+        if 2 <= len(value) <= len(arguments):
+            together = f"{type(self).__name__}({', '.join(map(repr, value))})"
+            return f"Write {together} for {' and '.join(arguments)}, {batch} for a batch."
+        return f"Write {batch} for a batch."
 
     def parameter_batch_shapes(self) -> list[torch.Size]:
         """Batch shapes of all declared parameters, children included, without the channel axes."""
@@ -128,43 +142,6 @@ class Parametric(nn.Module):
                     if value is not None:
                         shapes.append(record.batch(value))
         return shapes
-
-
-def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -> tuple[Any, ...]:
-    """All that a kernel may branch on in Python, parts included: classes, attributes, tensors that are not declared.
-
-    Equal for two modules that differ in the values of declared parameters only. What is told by its identity is added to
-    `held`. Attributes named in `without` do not count.
-    """
-    unseen = {*_OF_ANY_MODULE, *without}
-    parametrized = parametrize.is_parametrized(part)
-    declared = getattr(part, "declared", {})
-    tensors = {**part._buffers, **part._parameters}
-    attributes = {**vars(part), **{name: t for name, t in tensors.items() if name not in declared and t is not None}}
-    return (
-        type(part).__mro__[1] if parametrized else type(part),
-        tuple((name, _frozen(v, held)) for name, v in attributes.items() if name not in unseen),
-        tuple(
-            (name, structure(child, held, without))
-            for name, child in part._modules.items()
-            if child is not None and not (parametrized and name == "parametrizations")
-        ),
-    )
-
-
-_OF_ANY_MODULE = frozenset(vars(nn.Module()))
-
-
-def _frozen(value: Any, held: list[Any]) -> Any:
-    """`value` as something that can be compared for equality later."""
-    if value is None or isinstance(value, bool | int | float | str | Parameter):
-        return type(value), value
-    if isinstance(value, list | tuple):
-        return tuple(_frozen(v, held) for v in value)
-    if isinstance(value, dict):
-        return tuple((k, _frozen(v, held)) for k, v in value.items())
-    held.append(value)
-    return id(value)
 
 
 def channels_first(value: Tensor, ndim: int) -> Tensor:

@@ -8,11 +8,13 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple, TypeVar
 
 from torch import Tensor, nn
-from torch.nn.utils import parametrize
 
 from torchms.parameters.declared import Parameter, Parametric
 
 M = TypeVar("M", bound=nn.Module)
+
+PARAMETRIZATIONS = "parametrizations"
+"""Where `torch.nn.utils.parametrize` keeps what tensors are computed from; asked for by name, many times a call."""
 
 
 class Declared(NamedTuple):
@@ -26,8 +28,9 @@ def declarations(module: nn.Module) -> Iterator[tuple[str, Parameter, Tensor | N
     """Name, record and value of every parameter that `module` or a part declares; None for one that follows another."""
     for path, part in _parts(module):
         if isinstance(part, Parametric):
+            tensors = part._parameters | part._buffers
             for name, record in part.declared.items():
-                yield path + name, record, getattr(part, name)
+                yield path + name, record, tensors[name] if name in tensors else getattr(part, name)
 
 
 def parameters(module: nn.Module) -> dict[str, Declared]:
@@ -41,8 +44,9 @@ def weights(module: nn.Module) -> dict[str, Tensor]:
     for path, part in _parts(module):
         declared = part.declared if isinstance(part, Parametric) else {}
         tensors: dict[str, Tensor | None] = {**part._parameters, **part._buffers}
-        if parametrize.is_parametrized(part):
-            tensors |= {name: getattr(part, name) for name in part._modules["parametrizations"]._modules}  # type: ignore[union-attr]
+        computed = part._modules.get(PARAMETRIZATIONS)
+        if computed is not None:
+            tensors |= {name: getattr(part, name) for name in computed._modules}
         found |= {path + name: x for name, x in tensors.items() if x is not None and name not in declared}
     return found
 
@@ -63,7 +67,6 @@ def with_parameters(module: M, values: Mapping[str, Tensor]) -> M:
             below.setdefault(head, {})[rest] = value
         else:
             here[name] = value
-    parametrized = parametrize.is_parametrized(module)
     clone = object.__new__(_class(module))
     clone.__dict__.update(module.__dict__)
     clone._parameters, clone._buffers, clone._modules = (
@@ -71,9 +74,9 @@ def with_parameters(module: M, values: Mapping[str, Tensor]) -> M:
         dict(module._buffers),
         dict(module._modules),
     )
-    if parametrized:
+    if PARAMETRIZATIONS in clone._modules:
         # What is computed from another tensor becomes the tensor that it is now.
-        computed = clone._modules.pop("parametrizations")
+        computed = clone._modules.pop(PARAMETRIZATIONS)
         here = {name: getattr(module, name) for name in computed._modules} | here  # type: ignore[union-attr]
         clone._buffers |= dict.fromkeys(here)
     for name, value in here.items():
@@ -91,13 +94,12 @@ def with_parameters(module: M, values: Mapping[str, Tensor]) -> M:
 
 def _class(module: nn.Module) -> type:
     """The class of `module`, without what `torch.nn.utils.parametrize` adds to it."""
-    return type(module).__mro__[1] if parametrize.is_parametrized(module) else type(module)
+    return type(module).__mro__[1] if PARAMETRIZATIONS in module._modules else type(module)
 
 
 def _parts(module: nn.Module, path: str = "") -> Iterator[tuple[str, nn.Module]]:
     """`module` and all that is in it, before what is in that, each with the path in front of the names of its tensors."""
     yield path, module
-    parametrized = parametrize.is_parametrized(module)
     for name, child in module._modules.items():
-        if child is not None and not (parametrized and name == "parametrizations"):
+        if child is not None and name != PARAMETRIZATIONS:
             yield from _parts(child, f"{path}{name}.")

@@ -11,16 +11,16 @@ from torchms.maths.numerics import safe_div, smallest
 from torchms.paths.vertex import Densities
 
 
-def extend_others(others: Tensor | None, densities: Densities) -> Tensor:
+def extend_alternatives(alternatives: Tensor | None, densities: Densities) -> Tensor:
     """Summed density ratios of the ways that end the walk earlier, without the last factor, after one more bounce.
 
     α_s = (1 + pr_s α_{s−1}) / pf_s with α_0 = 0 (None).
     """
     once = safe_div(densities.forward.new_ones(()), densities.forward)
-    if others is None:
+    if alternatives is None:
         return once
     # A long product of large ratios overflows where its weight is 0; the gradient of that 0 must not be 0 times infinity.
-    total = once + safe_div(densities.backward, densities.forward) * others
+    total = once + safe_div(densities.backward, densities.forward) * alternatives
     return total.clamp_max(1 / smallest(total.dtype))
 
 

@@ -23,6 +23,7 @@ class RandomHeight(Segment):
 
     is_reciprocal = True
     transmits = True
+    is_exact = True
     n_uniforms = 1
 
     def start(self, first: Leg, monotone: bool) -> HeightState:

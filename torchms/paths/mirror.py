@@ -9,12 +9,12 @@ from torchms.distributions.base import MicrofacetDistribution
 from torchms.fresnel.base import Fresnel
 from torchms.maths.frame import Vec3, dot, half_vector, reflect
 from torchms.maths.numerics import score
-from torchms.paths.held import Knots, hold
-from torchms.paths.vertex import Bounce, Densities, Vertex, View, reflection_density
+from torchms.paths.detached import Anchors, detached
+from torchms.paths.vertex import Bounce, Densities, OpaqueVertex, View, reflection_density
 
 
 @dataclass(frozen=True)
-class Mirror(Vertex):
+class Mirror(OpaqueVertex):
     """Facets that reflect like mirrors, weighted by a Fresnel term."""
 
     distribution: MicrofacetDistribution
@@ -22,30 +22,30 @@ class Mirror(Vertex):
     n_uniforms = 2
     monotone = True
 
-    def knots(self, wi: Vec3, wo: Vec3 | None) -> Knots:
+    def anchors(self, wi: Vec3, wo: Vec3 | None) -> Anchors:
         one = torch.ones_like(wi.z)
         return (-one, -wi.z, one) if wo is None else (-one, -wi.z, wo.z, one)
 
-    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
+    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: None) -> Tensor:
         h = half_vector(w, d)
         return self.fresnel.reflectance(dot(w, h)) * reflection_density(self.distribution, w, h)
 
-    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
-        return Bounce(reflect(w, normal), self.fresnel.reflectance(dot(w, normal)))
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: None) -> Bounce[None]:
+        return Bounce(reflect(w, normal), self.fresnel.reflectance(dot(w, normal)), None)
 
-    def held(self, bounce: Bounce, w: Vec3, normal: Vec3, side: Tensor | None, knots: Knots) -> Bounce:
-        d, growth = hold(bounce.d, knots)
+    def detached(self, bounce: Bounce[None], w: Vec3, normal: Vec3, side: None, anchors: Anchors) -> Bounce[None]:
+        d, growth = detached(bounce.d, anchors)
         h = half_vector(w, d)
         weight = self.fresnel.reflectance(dot(w, h)) * score(reflection_density(self.distribution, w, h))
-        return Bounce(d, weight if growth is None else weight * growth)
+        return Bounce(d, weight if growth is None else weight * growth, None)
 
-    def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
+    def density(self, w: Vec3, d: Vec3, side: None = None) -> Tensor:
         return reflection_density(self.distribution, w, half_vector(w, d))
 
-    def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
+    def densities(self, x: View[None], y: View[None]) -> Densities:
         D = self.distribution.normal_density(half_vector(x.direction, y.direction)) / 4
         return Densities(D / x.area, D / y.area)
 
-    def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
+    def connect(self, x: View[None], y: View[None], densities: Densities) -> Tensor:
         h = half_vector(x.direction, y.direction)
         return self.fresnel.reflectance(dot(x.direction, h)) * (densities.forward / y.area)

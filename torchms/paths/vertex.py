@@ -6,38 +6,39 @@ on, `w` may lie below the horizon. The kernel `phase` is the vertex term divided
 """
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
 
-import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
 from torchms.maths.frame import Vec3
-from torchms.paths.held import Knots
+from torchms.paths.detached import Anchors
+
+Side = TypeVar("Side", None, Tensor)
+"""The side of the surface that light is on: ±1 a ray where facets transmit, None where none does."""
 
 
-class Bounce(NamedTuple):
-    """What came out of a vertex: the direction in the frame of the side it runs on, its weight (C, …), and sides.
-
-    crossed, side: None where no facet transmits; else whether the ray changed side, and the side it is on now (±1).
-    """
+@dataclass(frozen=True)
+class Bounce(Generic[Side]):
+    """What came out of a vertex: the direction in the frame of the side it runs on, its weight (C, …), and that side."""
 
     d: Vec3
     weight: Tensor
-    crossed: Tensor | None = None
-    side: Tensor | None = None
+    side: Side
 
 
-class View(NamedTuple):
+@dataclass(frozen=True)
+class View(Generic[Side]):
     """A direction in which a facet is seen, in the frame of its own side: what one of two joined walks brings.
 
-    area: σ(direction). normal: the facet drawn for this view, where one was. side: ±1, None where no facet transmits.
+    area: σ(direction). normal: the facet drawn for this view, where one was.
     """
 
     direction: Vec3
     area: Tensor
     normal: Vec3 | None
-    side: Tensor | None
+    side: Side
 
 
 class Densities(NamedTuple):
@@ -47,7 +48,7 @@ class Densities(NamedTuple):
     backward: Tensor
 
 
-class Vertex(ABC):
+class Vertex(ABC, Generic[Side]):
     """One interaction with a facet of the distribution."""
 
     distribution: MicrofacetDistribution
@@ -61,49 +62,98 @@ class Vertex(ABC):
     jumps: bool = True
     """Whether `phase` jumps somewhere: at h_z = 0, where the density of normals need not vanish."""
 
+    # The frame. Light on the other side of a surface sees it turned over: the same facets, the directions negated.
+
     @abstractmethod
-    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Tensor | None) -> Tensor:
+    def enter(self, wi: Vec3) -> tuple[Vec3, Side, Tensor]:
+        """Light arrives from `wi`: the view direction in the frame of its side, that side, and whether it is served."""
+
+    @abstractmethod
+    def serves(self, w: Vec3) -> Tensor:
+        """Whether the surface scatters light from, or to, the direction `w` of its own frame."""
+
+    @abstractmethod
+    def local(self, d: Vec3, side: Side) -> Vec3:
+        """The direction `d` of the surface's frame in the frame of `side`."""
+
+    @abstractmethod
+    def world(self, d: Vec3, side: Side) -> Vec3:
+        """The direction `d` of the frame of `side` in the surface's frame."""
+
+    @abstractmethod
+    def crossed(self, before: Side, after: Side) -> Tensor | None:
+        """Whether light went from one side to the other; None where no facet transmits."""
+
+    @abstractmethod
+    def leaves_through(self, d: Vec3) -> Tensor | None:
+        """Whether light that leaves the surface along `d`, in the frame it arrived in, crosses; None where none does."""
+
+    def relative_eta2(self, before: Side, after: Side) -> Tensor | None:
+        """(n after / n before)²: what a radiance along a ray is multiplied by from side to side; None where it is 1."""
+        return None
+
+    # The term.
+
+    @abstractmethod
+    def phase(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Side) -> Tensor:
         """v(w, d) / a(w) [1/sr], (C, …)."""
 
     @abstractmethod
-    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Side) -> Bounce[Side]:
         """A direction off the facet with normal `normal`; `numbers` are those after the first two."""
 
     @abstractmethod
-    def held(self, bounce: Bounce, w: Vec3, normal: Vec3, side: Tensor | None, knots: Knots) -> Bounce:
+    def detached(self, bounce: Bounce[Side], w: Vec3, normal: Vec3, side: Side, anchors: Anchors) -> Bounce[Side]:
         """`bounce` of `sample` with its direction held: the weight's gradient is that of phase / held density."""
 
     @abstractmethod
-    def density(self, w: Vec3, d: Vec3, side: Tensor | None = None) -> Tensor:
+    def density(self, w: Vec3, d: Vec3, side: Side) -> Tensor:
         """Density [1/sr] of the direction that `visible_normal` and `sample` give together."""
 
     @abstractmethod
-    def densities(self, x: View, y: View, crossed: Tensor | None) -> Densities:
+    def densities(self, x: View[Side], y: View[Side]) -> Densities:
         """What the balance heuristic takes for the densities between two views of one facet."""
 
     @abstractmethod
-    def connect(self, x: View, y: View, crossed: Tensor | None, densities: Densities) -> Tensor:
+    def connect(self, x: View[Side], y: View[Side], densities: Densities) -> Tensor:
         """v(x, y) / (a(x) σ(y)), (C, …), for light that came from x and leaves towards y; may be an estimate."""
 
-    def value(self, w: Vec3, d: Vec3, normal: Vec3 | None = None, side: Tensor | None = None) -> Tensor:
-        """The vertex term v(w, d) of THEORY section 4, (C, …)."""
+    def value(self, w: Vec3, d: Vec3, normal: Vec3 | None, side: Side) -> Tensor:
+        """The vertex term v(w, d) of the path integral (docs/theory.md, section 4), (C, …)."""
         return self.distribution.blocking(-w) * self.phase(w, d, normal, side)
 
-    def relative_eta(self, side: Tensor) -> Tensor:
-        """n_transmitted / n_incident for light that arrives on `side`; 1 where no facet transmits."""
-        return torch.ones_like(side)
-
-    def knots(self, wi: Vec3, wo: Vec3 | None) -> Knots:
+    def anchors(self, wi: Vec3, wo: Vec3 | None) -> Anchors:
         """What directions between `wi` and `wo` (None: anywhere) are held relative to; none if nothing jumps."""
         return ()
-
-    def enter(self, wi: Vec3) -> tuple[Vec3, Tensor | None, Tensor]:
-        """Light arrives from `wi`: the view direction in the local frame, the side, and whether the side is ours."""
-        return wi, None, wi.z > 0
 
     def visible_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
         """The facet that light from `w` meets."""
         return self.distribution.visible_normal(w, u0, u1)
+
+
+class OpaqueVertex(Vertex[None]):
+    """A facet that light does not pass: there is one side, and one frame."""
+
+    def enter(self, wi: Vec3) -> tuple[Vec3, None, Tensor]:
+        return wi, None, wi.z > 0
+
+    def serves(self, w: Vec3) -> Tensor:
+        return w.z > 0
+
+    def local(self, d: Vec3, side: None) -> Vec3:
+        return d
+
+    def world(self, d: Vec3, side: None) -> Vec3:
+        return d
+
+    def crossed(self, before: None, after: None) -> None:
+        return None
+
+    def leaves_through(self, d: Vec3) -> None:
+        return None
+
+    def value(self, w: Vec3, d: Vec3, normal: Vec3 | None = None, side: None = None) -> Tensor:
+        return super().value(w, d, normal, side)
 
 
 def reflection_density(distribution: MicrofacetDistribution, w: Vec3, h: Vec3) -> Tensor:

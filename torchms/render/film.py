@@ -1,13 +1,13 @@
 """Many camera rays a pixel, in blocks of bounded memory, and what the pixels' standard errors are."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from torchms.cli.progress import progress_bar
+from torchms.evaluation.workers import Workers
 from torchms.render.camera import Camera
 from torchms.render.paths import Scene, radiance
 from torchms.sampling.uniforms import draw, generator_for
@@ -79,13 +79,9 @@ def render(
 
     with (
         progress_bar("camera rays", n * samples, progress) as advance,
-        ThreadPoolExecutor(threads or min(len(starts), os.cpu_count() or 1)) as pool,
+        Workers(threads or min(len(starts), os.cpu_count() or 1)) as workers,
     ):
-        try:
-            total, squares = (torch.cat(parts) for parts in zip(*pool.map(block, starts), strict=True))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        total, squares = (torch.cat(parts) for parts in zip(*workers.map(block, starts), strict=True))
     mean = total / samples
     stderr = ((squares / samples - mean * mean).clamp_min(0) / (samples - 1)).sqrt()
     return Picture(*(part.reshape(height, width, 3).float() for part in (mean, stderr)))

@@ -19,9 +19,14 @@ FORMATS = ("PNG", "JPEG", "TIFF", "WEBP", "BMP")
 
 
 def check_picture(path: str | Path, force: bool) -> Path:
-    """`path`, if a picture may be written there; ValueError for another suffix, see `check_writable` for the rest."""
-    if Path(path).suffix.lower() not in SUFFIXES:
+    """`path`, if a picture may be written there; to be called before the work.
+
+    Raises ValueError for another suffix, ImportError if what writes this one is missing, see `check_writable` for the rest.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
         raise ValueError(f"{path} must end in {' or '.join(SUFFIXES)}: PNG is tone-mapped, EXR is linear.")
+    _openexr() if suffix == ".exr" else _pillow()
     return check_writable(path, force)
 
 
@@ -55,14 +60,10 @@ def write_picture(
     if path.suffix.lower() == ".exr":
         write_whole(path, exr_bytes(pixels), force)
         return
-    try:
-        from PIL import Image
-    except ImportError as error:
-        raise ImportError("torchms.render needs Pillow for .png files: pip install 'torchms[render]'.") from error
     exposed = pixels.double() * 2.0**exposure
     encoded = srgb(filmic(exposed) if tone == "filmic" else exposed)
     content = io.BytesIO()
-    Image.fromarray((encoded * 255).round().to(torch.uint8).numpy()).save(content, "PNG", optimize=True)
+    _pillow().fromarray((encoded * 255).round().to(torch.uint8).numpy()).save(content, "PNG", optimize=True)
     write_whole(path, content.getvalue(), force)
 
 
@@ -130,7 +131,15 @@ def _check_exr(path: Path, headers: list[dict[str, Any]]) -> None:
         raise ValueError(f"it holds {numbers} numbers; at most {4 * MOST_PIXELS} are read")
 
 
-def _openexr():
+def _pillow() -> Any:
+    try:
+        from PIL import Image
+    except ImportError as error:
+        raise ImportError("torchms.render needs Pillow for .png files: pip install 'torchms[render]'.") from error
+    return Image
+
+
+def _openexr() -> Any:
     try:
         import OpenEXR
     except ImportError as error:

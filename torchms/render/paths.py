@@ -25,7 +25,7 @@ from torchms.sampling.uniforms import draw
 Sampling = Literal["mis", "light", "bsdf"]
 
 
-class Vertex(NamedTuple):
+class ShadingPoint(NamedTuple):
     """A point where a path is scattered: position, geometric normal and the axes of the local frame, each (n, 3).
 
     outside: (n,) whether the path arrives from the outer side. wi: (n, 3) local direction back along the path.
@@ -48,9 +48,9 @@ class Vertex(NamedTuple):
         v = v.double()
         return normalize(v[:, :1] * self.x + v[:, 1:2] * self.y + v[:, 2:] * self.z, dim=-1)
 
-    def rows(self, index: Tensor) -> "Vertex":
+    def rows(self, index: Tensor) -> "ShadingPoint":
         """Some of the rows."""
-        return Vertex(*(part[index] for part in self))
+        return ShadingPoint(*(part[index] for part in self))
 
 
 class Scene(NamedTuple):
@@ -69,7 +69,7 @@ class Scene(NamedTuple):
         return self.bsdf.vertex.transmits
 
 
-def vertex_at(hits: Hits, direction: Tensor, two_sided: bool, dtype: torch.dtype) -> Vertex:
+def shading_point(hits: Hits, direction: Tensor, two_sided: bool, dtype: torch.dtype) -> ShadingPoint:
     """The local frames where rays along `direction` meet a surface: z the shading normal, x along the tangent.
 
     Where the shading normal faces away from the camera although the surface does not, at the rim of a faceted body,
@@ -88,7 +88,7 @@ def vertex_at(hits: Hits, direction: Tensor, two_sided: bool, dtype: torch.dtype
     any_x = torch.stack(torch.broadcast_tensors(*orthonormal_basis(Vec3(*z.unbind(-1)))[0]), -1)
     x = normalize(torch.where(degenerate, any_x, x), dim=-1)
     y = torch.linalg.cross(z, x)
-    vertex = Vertex(hits.point, geometric, x, y, z, outside, direction.to(dtype))
+    vertex = ShadingPoint(hits.point, geometric, x, y, z, outside, direction.to(dtype))
     return vertex._replace(wi=vertex.to_local(-direction))
 
 
@@ -100,12 +100,16 @@ def radiance(scene: Scene, origin: Tensor, direction: Tensor, generator: torch.G
     if scene.background and len(missed):
         total[missed] = scene.light.radiance(direction[missed])
     alive = hits.found.nonzero()[:, 0]
-    vertex = vertex_at(Hits(*(part[alive] for part in hits)), direction[alive], not scene.transmits, scene.bsdf.dtype)
+    vertex = shading_point(
+        Hits(*(part[alive] for part in hits)), direction[alive], not scene.transmits, scene.bsdf.dtype
+    )
     carried = torch.ones(len(alive), 1, dtype=torch.float64)
     for segment in range(scene.inner + 1 if scene.transmits else 1):
         if len(alive) == 0:
             break
-        total.index_add_(0, alive, carried * (lit(scene, vertex, generator) + met(scene, vertex, generator)))
+        total.index_add_(
+            0, alive, carried * (by_light_sample(scene, vertex, generator) + by_bsdf_sample(scene, vertex, generator))
+        )
         if not scene.transmits or segment == scene.inner:
             break
         # The walk itself is perfect importance sampling: its weight does not pile up noise from segment to segment.
@@ -120,11 +124,11 @@ def radiance(scene: Scene, origin: Tensor, direction: Tensor, generator: torch.G
         found = (hits.found & ((hits.geometric * towards).sum(-1) > 0)).nonzero()[:, 0]
         inside, towards = inside[found], towards[found]
         alive, carried = alive[inside], carried[inside] * weight[inside].double()
-        vertex = vertex_at(Hits(*(part[found] for part in hits)), towards, False, scene.bsdf.dtype)
+        vertex = shading_point(Hits(*(part[found] for part in hits)), towards, False, scene.bsdf.dtype)
     return total
 
 
-def met(scene: Scene, vertex: Vertex, generator: torch.Generator) -> Tensor:
+def by_bsdf_sample(scene: Scene, vertex: ShadingPoint, generator: torch.Generator) -> Tensor:
     """Light (n, 3) from a direction that the BSDF was sampled for, scattered towards the camera."""
     total = torch.zeros_like(vertex.point)
     if scene.light.is_delta or scene.sampling == "light":
@@ -142,7 +146,7 @@ def met(scene: Scene, vertex: Vertex, generator: torch.Generator) -> Tensor:
     return total
 
 
-def lit(scene: Scene, vertex: Vertex, generator: torch.Generator) -> Tensor:
+def by_light_sample(scene: Scene, vertex: ShadingPoint, generator: torch.Generator) -> Tensor:
     """Light (n, 3) from a direction that the light was sampled for, scattered towards the camera."""
     total = torch.zeros_like(vertex.point)
     if scene.sampling == "bsdf" and not scene.light.is_delta:
@@ -163,23 +167,23 @@ def lit(scene: Scene, vertex: Vertex, generator: torch.Generator) -> Tensor:
     return total
 
 
-def _share(scene: Scene, ours: Tensor, theirs: Tensor) -> Tensor:
-    """Balance heuristic of a direction drawn with the density `ours`, that could be drawn with `theirs`, too."""
-    return ours / (ours + theirs) if scene.sampling == "mis" else torch.ones_like(ours)
+def _share(scene: Scene, chosen: Tensor, other: Tensor) -> Tensor:
+    """Balance heuristic of a direction drawn with the density `chosen`, that could be drawn with `other`, too."""
+    return chosen / (chosen + other) if scene.sampling == "mis" else torch.ones_like(chosen)
 
 
-def _value(scene: Scene, vertex: Vertex, wo: Tensor, generator: torch.Generator) -> Tensor:
+def _value(scene: Scene, vertex: ShadingPoint, wo: Tensor, generator: torch.Generator) -> Tensor:
     """f · |cos θ_o| (n, 3) by one path of the BSDF."""
     u = scene.bsdf.uniforms((len(wo),), generator=generator)
     return scene.bsdf(vertex.wi, wo, u).double().expand(-1, 3)
 
 
-def _sides(vertex: Vertex, wo: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
+def _sides(vertex: ShadingPoint, wo: Tensor, direction: Tensor) -> tuple[Tensor, Tensor]:
     """Whether a direction leads out into the open, or into the body; neither where the two normals disagree."""
     out = (vertex.geometric * direction).sum(-1) > 0
     agree = (wo[:, 2] > 0) == out
     return out & agree, ~out & agree
 
 
-def _start(scene: Scene, vertex: Vertex, direction: Tensor) -> Tensor:
+def _start(scene: Scene, vertex: ShadingPoint, direction: Tensor) -> Tensor:
     return scene.shape.offset(vertex.point, vertex.geometric, direction)

@@ -14,9 +14,8 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.fresnel.dielectric import fresnel_dielectric
-from torchms.maths.frame import Vec3, dot, half_vector, mirrored, reflect, refract, scaled, select
-from torchms.paths.refractive import Refractive
+from torchms.maths.frame import Vec3, dot, half_vector, mirrored, reflect, refract, select
+from torchms.paths.refractive import Refractive, channel_mean
 from torchms.sampling.warps import cosine_hemisphere, uniform_hemisphere
 
 
@@ -34,7 +33,7 @@ class Proposal(ABC):
         """Density at `wo` [1/sr]; zero where `wi` is on a side that the surface does not serve."""
 
 
-def rest_share(distribution: MicrofacetDistribution) -> Tensor:
+def higher_order_share(distribution: MicrofacetDistribution) -> Tensor:
     """Weight of the lobe for the higher orders: α² / (1 + α²) of the mean square roughness."""
     alpha2 = distribution.mean_alpha2
     return alpha2 / (1 + alpha2)
@@ -54,10 +53,10 @@ class ReflectionProposal(Proposal):
 
     def sample(self, wi: Vec3, u: Sequence[Tensor]) -> Vec3:
         single = folded_up(reflect(wi, self.distribution.reflecting_normal(wi, u[1], u[2])))
-        return select(u[0] < rest_share(self.distribution), cosine_hemisphere(u[1], u[2]), single)
+        return select(u[0] < higher_order_share(self.distribution), cosine_hemisphere(u[1], u[2]), single)
 
     def density(self, wi: Vec3, wo: Vec3) -> Tensor:
-        q = rest_share(self.distribution)
+        q = higher_order_share(self.distribution)
         single = self._reflected(wi, wo) + self._reflected(wi, mirrored(wo))
         return torch.where((wi.z > 0) & (wo.z > 0), (1 - q) * single + q * wo.z / math.pi, 0.0)
 
@@ -74,23 +73,22 @@ class DielectricProposal(Proposal):
 
     def sample(self, wi: Vec3, u: Sequence[Tensor]) -> Vec3:
         w, side, _ = self.vertex.enter(wi)
-        assert side is not None
-        eta = self.vertex.relative_eta(side)
         m = self.vertex.distribution.visible_normal(w, u[1], u[2])
-        F, _ = fresnel_dielectric(dot(w, m).clamp(0.0, 1.0), eta)
-        single = select(u[3] >= F, -folded_up(-refract(w, m, eta)), folded_up(reflect(w, m)))
+        refracted = refract(w, m, self.vertex.fresnel.relative_eta(side))
+        F = channel_mean(self.vertex.reflectance(dot(w, m), side))
+        single = select(u[3] >= F, -folded_up(-refracted), folded_up(reflect(w, m)))
         lobe = cosine_hemisphere(u[1], u[2])
-        rest = select(u[3] >= 0.5, -lobe, lobe)
-        return scaled(select(u[0] < rest_share(self.vertex.distribution), rest, single), side)
+        either = select(u[3] >= 0.5, -lobe, lobe)
+        chosen = select(u[0] < higher_order_share(self.vertex.distribution), either, single)
+        return self.vertex.world(chosen, side)
 
     def density(self, wi: Vec3, wo: Vec3) -> Tensor:
-        w, side, ours = self.vertex.enter(wi)
-        assert side is not None
-        d = scaled(wo, side)
-        q = rest_share(self.vertex.distribution)
-        below = d.z < 0
-        single = self.vertex.transport(w, d, side, below) + self.vertex.transport(w, mirrored(d), side, below)
-        return torch.where(ours & (d.z != 0), (1 - q) * single + q * (0.5 / math.pi) * d.z.abs(), 0.0)
+        w, side, served = self.vertex.enter(wi)
+        d = self.vertex.local(wo, side)
+        q = higher_order_share(self.vertex.distribution)
+        density = self.vertex.transport_density
+        single = density(w, d, side, d.z < 0) + density(w, mirrored(d), side, d.z < 0)
+        return torch.where(served & (d.z != 0), (1 - q) * single + q * (0.5 / math.pi) * d.z.abs(), 0.0)
 
 
 @dataclass(frozen=True)
@@ -102,9 +100,9 @@ class HemisphereProposal(Proposal):
 
     def sample(self, wi: Vec3, u: Sequence[Tensor]) -> Vec3:
         flat = uniform_hemisphere(u[1], u[2])
-        return select(u[0] < rest_share(self.distribution), flat, cosine_hemisphere(u[1], u[2]))
+        return select(u[0] < higher_order_share(self.distribution), flat, cosine_hemisphere(u[1], u[2]))
 
     def density(self, wi: Vec3, wo: Vec3) -> Tensor:
-        q = rest_share(self.distribution)
+        q = higher_order_share(self.distribution)
         density = (1 - q) * wo.z / math.pi + q * (0.5 / math.pi)
         return torch.where((wi.z > 0) & (wo.z > 0), density, 0.0)

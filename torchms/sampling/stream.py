@@ -10,12 +10,11 @@ from typing import overload
 
 import torch
 from torch import Tensor
-from torch.quasirandom import SobolEngine
+
+from torchms.sampling.point_sets import BITS, shared_points
 
 SEQUENCES = ("random", "sobol", "rank1")
 WORD = 0xFFFFFFFF
-BITS = 24
-"""Bits of a number: it is a multiple of 2^-24, exact in float32."""
 
 
 def _signed(c: int) -> int:
@@ -121,16 +120,25 @@ class Stream:
         """Shape of the seeds; empty for an int, which serves any batch."""
         return self.seed.shape if isinstance(self.seed, Tensor) else torch.Size(())
 
-    def seeds(self, batch_shape: Sequence[int], device: torch.device | None = None) -> Tensor:
+    def seeds(self, batch_shape: Sequence[int], device: torch.device | str | None = None) -> Tensor:
         """The 64-bit seed of each element, int64 (*batch): what an ONNX file with a `seed` input takes."""
         if isinstance(self.seed, Tensor):
             return self.seed.to(device).expand(torch.Size(batch_shape))
         rows = torch.arange(torch.Size(batch_shape).numel(), device=device).reshape(torch.Size(batch_shape))
         return rows + (self.seed << 32)
 
-    def uniforms(self, batch_shape: Sequence[int], n_uniforms: int, dtype: torch.dtype = torch.float32) -> Tensor:
-        """The numbers themselves, (*batch, N, D): a call with them gives what a call with the stream gives."""
-        numbers = self._numbers(self.seeds(batch_shape), n_uniforms, dtype, slice(0, self.n_paths))
+    def uniforms(
+        self,
+        batch_shape: Sequence[int],
+        n_uniforms: int,
+        dtype: torch.dtype = torch.float32,
+        device: torch.device | str | None = None,
+    ) -> Tensor:
+        """The numbers themselves, (*batch, N, D): a call with them gives what a call with the stream gives.
+
+        They are computed on `device`, and are the same on all; None takes that of the seeds, or the default one.
+        """
+        numbers = self._numbers(self.seeds(batch_shape, device), n_uniforms, dtype, slice(0, self.n_paths))
         # Inductor would compute the integers of a stack of floats as floats.
         compiling = torch.compiler.is_compiling()
         stacked = numbers.stacked() if compiling else torch.stack([numbers[d] for d in range(n_uniforms)])
@@ -218,52 +226,3 @@ class StreamNumbers(Sequence[Tensor]):
         if point is not None:
             n = (n + point) & ((1 << BITS) - 1)
         return n.to(self.dtype) * (1 / (1 << BITS))
-
-
-_SHARED: dict[tuple[str, int, int], Tensor] = {}
-
-
-@torch.compiler.assume_constant_result
-def shared_points(sequence: str, n_paths: int, n_uniforms: int) -> Tensor:
-    """The points that all rows share, as 24-bit integers (D, N); the last few are remembered."""
-    key = (sequence, n_paths, n_uniforms)
-    if key not in _SHARED:
-        if len(_SHARED) >= 8:
-            _SHARED.clear()
-        _SHARED[key] = (sobol if sequence == "sobol" else rank1)(n_paths, n_uniforms)
-    return _SHARED[key]
-
-
-def sobol(n_paths: int, n_uniforms: int) -> Tensor:
-    """A scrambled Sobol set as 24-bit integers, (D, N); the scrambling is fixed, a row's rotation makes it random."""
-    points = SobolEngine(n_uniforms, scramble=True, seed=1).draw(n_paths, dtype=torch.float64)
-    return (points.T * (1 << BITS)).to(torch.int64) & ((1 << BITS) - 1)
-
-
-def rank1(n_paths: int, n_uniforms: int) -> Tensor:
-    """A rank-1 lattice as 24-bit integers, (D, N): point i is frac(i · z / N), z built component by component.
-
-    Each component minimises the worst-case error Σ_i Π_d (1 + γ_d 2π² B_2(x)) of the Korobov space with weights
-    γ_d = 1 / (d + 1)² [Sloan and Reztsov 2002, "Component-by-component construction of good lattice rules"].
-    """
-    N = n_paths
-    i = torch.arange(N, dtype=torch.float64)
-    x = i / N
-    kernel = 2 * torch.pi**2 * (x * x - x + 1 / 6)
-    candidates = torch.tensor([z for z in range(1, max(2, N // 2 + 1)) if _coprime(z, N)][:512])
-    which = (torch.arange(N)[None] * candidates[:, None]) % N
-    product = torch.ones(N, dtype=torch.float64)
-    columns = []
-    for d in range(n_uniforms):
-        factors = 1 + kernel[which] / (d + 1) ** 2
-        best = 0 if d == 0 else int((factors @ product).argmin())
-        product = product * factors[best]
-        product = product / product.mean()
-        columns.append(which[best])
-    return torch.stack(columns) * (1 << BITS) // N
-
-
-def _coprime(a: int, b: int) -> bool:
-    while b:
-        a, b = b, a % b
-    return a == 1

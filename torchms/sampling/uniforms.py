@@ -17,11 +17,13 @@ def draw(
     generator: torch.Generator | None = None,
     sequence: str = "random",
     dtype: torch.dtype = torch.float32,
+    device: torch.device | str | None = None,
 ) -> Tensor:
     """Uniform numbers in [0, 1), `(*batch_shape, n_paths, n_uniforms)`.
 
     Each of the `n_uniforms` numbers is contiguous in memory: the result is a permuted view. "sobol" gives every row the
     same scrambled Sobol points, rotated by a random shift of its own, so that rows are independent of each other.
+    The result is on `device`; a `generator` draws on its own, so that its numbers are the same for all devices.
     Raises ValueError for an unknown `sequence`, or if a size or n_paths is too small; TypeError if one is no integer.
     """
     batch = _sizes(batch_shape)
@@ -31,16 +33,18 @@ def draw(
         raise ValueError(f"n_paths must be at least 1; got {n_paths}.")
     if sequence not in SEQUENCES:
         raise ValueError(f"sequence must be one of {', '.join(SEQUENCES)}; got {sequence!r}.")
+    drawn_on = device if generator is None else generator.device
     if sequence == "random":
-        u = torch.rand((n_uniforms, n_paths, *batch), generator=generator, dtype=dtype)
+        u = torch.rand((n_uniforms, n_paths, *batch), generator=generator, dtype=dtype, device=drawn_on)
     else:
-        seed = int(torch.randint(2**31 - 1, (), generator=generator))
-        points = SobolEngine(n_uniforms, scramble=True, seed=seed).draw(n_paths, dtype=torch.float64)
+        # The seed is read by the host, so it is drawn there.
+        seed = int(torch.randint(2**31 - 1, (), generator=generator, device="cpu" if generator is None else drawn_on))
+        points = SobolEngine(n_uniforms, scramble=True, seed=seed).draw(n_paths, dtype=torch.float64).to(drawn_on)
         points = points.T.contiguous().reshape(n_uniforms, n_paths, *(1,) * len(batch))
-        shift = torch.rand((n_uniforms, 1, *batch), generator=generator, dtype=torch.float64)
+        shift = torch.rand((n_uniforms, 1, *batch), generator=generator, dtype=torch.float64, device=drawn_on)
         # Rounding to a shorter dtype may reach 1, which is outside of [0, 1).
         u = ((points + shift) % 1.0).to(dtype).clamp_max(1 - torch.finfo(dtype).eps / 2)
-    return u.permute(*range(2, 2 + len(batch)), 1, 0)
+    return u.to(device).permute(*range(2, 2 + len(batch)), 1, 0)
 
 
 def _sizes(batch_shape: Sequence[int]) -> tuple[int, ...]:

@@ -18,17 +18,31 @@ except ImportError:  # not on Windows: what a killed process leaves there stays 
 def check_writable(path: str | Path, force: bool) -> Path:
     """`path`, if a file may be put there. To be called before the work whose result goes there.
 
-    Raises FileExistsError if it exists and `force` is not set, FileNotFoundError if its folder does not exist,
-    PermissionError if the folder cannot be written.
+    Raises FileExistsError if it exists and `force` is not set, IsADirectoryError if it is a folder, FileNotFoundError if
+    its folder does not exist, PermissionError if no file can be made there: one is tried.
     """
-    path = Path(path)
+    path = _allowed(Path(path), force)
+    probe = _temporary(path)
+    try:
+        probe.open("xb").close()
+    except OSError as error:
+        raise PermissionError(
+            f"the folder {path.parent} of {path.name} cannot be written: {error.strerror}."
+        ) from error
+    finally:
+        probe.unlink(missing_ok=True)
+    return path
+
+
+def _allowed(path: Path, force: bool) -> Path:
+    """`path`, unless something is in the way."""
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder. Name a file in it.")
     if path.exists() and not force:
         raise FileExistsError(f"{path} exists already. Choose another name, or overwrite it with force (--force).")
     folder = path.parent
     if not folder.is_dir():
         raise FileNotFoundError(f"the folder {folder} of {path.name} does not exist. Make it first.")
-    if not os.access(folder, os.W_OK):
-        raise PermissionError(f"the folder {folder} of {path.name} cannot be written.")
     return path
 
 
@@ -37,7 +51,7 @@ def write_whole(path: str | Path, content: bytes, force: bool = False, *, sweep:
 
     What killed processes left of that temporary file is removed first, unless not to `sweep` (it reads the folder).
     """
-    path = check_writable(path, force)
+    path = _allowed(Path(path), force)
     if sweep:
         remove_leftovers(path.parent, glob.escape(path.name))
     while not _written(path, content):
@@ -71,10 +85,15 @@ def read_json(path: str | Path, most_bytes: int = 1 << 24) -> Any:
         raise ValueError("it is nested too deeply") from error
 
 
+def _temporary(path: Path) -> Path:
+    """A name in the same folder that nobody else has drawn."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+
+
 def _written(path: Path, content: bytes) -> bool:
     """Put `content` at `path`; False if the temporary file is somebody else's, or he took it for a leftover."""
     # Named before it is made, so that an interrupt at any point finds what to remove.
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
+    temporary = _temporary(path)
     try:
         with open(temporary, "xb") as file:
             _locked(file, wait=True)

@@ -125,8 +125,8 @@ def draw_cells(picture: str | Path, counts: Tensor, expected: Tensor, title: str
     figure.suptitle(title)
     panels = {"counts": counts, "expected": expected, "difference / √expected": deviation}
     for axes, (name, values) in zip(figure.subplots(1, 3, sharey=True), panels.items(), strict=True):
-        bound = float(deviation.abs().max())
-        scale = {"cmap": "RdBu_r", "vmin": -bound, "vmax": bound} if values is deviation else {"vmin": 0}
+        largest = float(deviation.abs().max())
+        scale = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest} if values is deviation else {"vmin": 0}
         image = axes.imshow(values.numpy(), origin="lower", extent=(0, 360, -1, 1), aspect="auto", **scale)
         axes.set(title=name, xlabel="φ [°]", ylabel="cos θ")
         figure.colorbar(image, ax=axes)

@@ -9,14 +9,15 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
+from torchms.maths.frame import direction
 from torchms.parameters.exchange import parameters, with_parameters
 from torchms.sampling.uniforms import draw
 from torchms.testing.chi_square import Comparison, compared
-from torchms.testing.plain import direction, edges, slope_error, unfinished
+from torchms.testing.plain import AZIMUTH, edges, slope_error, unfinished
 from torchms.testing.quadrature import sphere_cells
 from torchms.testing.report import Check
 
-VIEWS = {"above": direction(0.6), "grazing": direction(1.4, 2.0), "below": direction(2.2, -1.0)}
+VIEWS = {"above": direction(0.6, AZIMUTH), "grazing": direction(1.4, 2.0), "below": direction(2.2, -1.0)}
 WHOLE = 1e-3
 """Error of an integral over the sphere."""
 TOLERANCE = 2e-4
@@ -37,13 +38,13 @@ def distribution_laws(
         return abs(float(sphere_cells(lambda m: facets.D(m) * m[:, 2], tolerance=TOLERANCE).sum()) - 1)
 
     def faces_up() -> float:
-        return float(facets.D(torch.stack([-direction(t) for t in (0.0, 0.5, 1.5, math.pi / 2)])).abs().max())
+        return float(facets.D(torch.stack([-direction(t, AZIMUTH) for t in (0.0, 0.5, 1.5, math.pi / 2)])).abs().max())
 
     def projected_area(w: Tensor) -> float:
         # [Heitz2016]: Λ(w) = σ(w) / w_z − 1 with σ(w) = ∫ ⟨w, m⟩ D(m) dm.
         area = sphere_cells(lambda m: facets.D(m) * (m @ w).clamp_min(0), tolerance=TOLERANCE * 0.1).sum()
-        ours = (1 + facets.Lambda(w)) * w[2]
-        return float((ours - area).abs() / (area.abs() + 0.1))
+        from_lambda = (1 + facets.Lambda(w)) * w[2]
+        return float((from_lambda - area).abs() / (area.abs() + 0.1))
 
     def antisymmetric() -> float:
         w = torch.stack([direction(t, p) for t in (0.1, 0.8, 1.3, 1.55) for p in (0.0, 0.7, 2.5)])

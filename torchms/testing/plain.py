@@ -9,10 +9,13 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from torchms.parameters.exchange import parameters, with_parameters
+from torchms.maths.frame import direction
+from torchms.parameters.exchange import parameters, weights, with_parameters
 
 M = TypeVar("M", bound=nn.Module)
 
+AZIMUTH = 0.7
+"""Of directions where any will do but 0, which hides errors."""
 THETAS = (0.0, 1e-4, 0.7, 1.5, math.pi / 2)
 STEP = 1e-5
 """Of a central difference, relative to the number that is moved."""
@@ -25,21 +28,18 @@ def plain(module: M) -> M:
         name: value.detach().reshape(-1, *value.shape[len(record.batch(value)) :])[0].clone()
         for name, (record, value) in parameters(module).items()
     }
-    clone = copy.deepcopy(with_parameters(module, values)).double()
+    # A copy cannot be made of what has a graph: the tensors of a scattering lose theirs as well.
+    graphs = {name: x.detach() for name, x in weights(module).items() if not x.is_leaf}
+    clone = copy.deepcopy(with_parameters(module, values | graphs)).double()
+    clone.requires_grad_(False)
     if hasattr(clone, "engine"):
         clone.engine = None  # type: ignore[assignment]
     return clone
 
 
-def direction(theta: float, phi: float = 0.7, dtype: torch.dtype = torch.float64) -> Tensor:
-    """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
-    sin = math.sin(theta)
-    return torch.tensor([sin * math.cos(phi), sin * math.sin(phi), math.cos(theta)], dtype=dtype)
-
-
 def edges() -> tuple[Tensor, Tensor]:
     """Pairs (n, 3) of directions: poles, both sides, the horizon; mirror directions, back along itself, h = 0."""
-    some = [side * direction(theta) for theta in THETAS for side in (1, -1)]
+    some = [side * direction(theta, AZIMUTH) for theta in THETAS for side in (1, -1)]
     some += [torch.tensor(flat, dtype=torch.float64) for flat in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0])]
     signs = torch.tensor([[1, 1, 1], [-1, -1, -1], [-1, -1, 1], [1, 1, -1]], dtype=torch.float64)
     pairs = [(w, w * sign) for w in some for sign in signs]
@@ -84,7 +84,7 @@ def slope_error(function: Callable[[Sequence[Tensor]], Tensor], at: Sequence[Ten
                 values[i].reshape(-1)[j] += sign * STEP * size
                 moved.append(function(values).detach())
             slope = (moved[0] - moved[1]) / (2 * STEP)
-            ours = columns[..., j] * size
-            error = (ours - slope).abs() / (scale.abs() + slope.abs() + 1e-9)
+            exact = columns[..., j] * size
+            error = (exact - slope).abs() / (scale.abs() + slope.abs() + 1e-9)
             worst = max(worst, float(error.nan_to_num(math.inf).max()))
     return worst

@@ -7,18 +7,16 @@ from functools import cache
 from pathlib import Path
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from torchms.bsdfs.base import BSDF
-from torchms.bsdfs.rough_conductor import RoughConductor
-from torchms.bsdfs.rough_dielectric import RoughDielectric
-from torchms.bsdfs.rough_diffuse import RoughDiffuse
-from torchms.fresnel.ideal import Ideal
-from torchms.parameters.exchange import parameters, with_parameters
+from torchms.evaluation.arguments import set_validation
+from torchms.maths.frame import direction
+from torchms.parameters.exchange import parameters, weights, with_parameters
 from torchms.sampling.uniforms import draw
 from torchms.testing.chi_square import Comparison, compared
 from torchms.testing.furnace import white_furnace
-from torchms.testing.plain import direction, edges, slope_error, unfinished
+from torchms.testing.plain import AZIMUTH, edges, slope_error, unfinished
 from torchms.testing.reciprocity import flux, reciprocity
 from torchms.testing.report import Check
 from torchms.testing.zscore import Estimate, combined, estimate, exactly, p_value, zscore
@@ -38,7 +36,7 @@ SHARE = 5e-4
 def surface_laws(bsdf: BSDF, samples: int, generator: torch.Generator, picture: Path | None) -> Iterator[Check]:
     """The laws of values, densities, walks and energies; `bsdf` as `plain` gives it."""
     sides = (1, -1) if bsdf.vertex.transmits else (1,)
-    views = {f"θ = {side * t:g}": side * direction(t) for side in sides for t in THETAS}
+    views = {f"θ = {side * t:g}": side * direction(t, AZIMUTH) for side in sides for t in THETAS}
 
     def numbers(shape: Sequence[int], n: int) -> Tensor:
         return draw(shape, n, bsdf.n_uniforms, generator=generator, dtype=torch.float64)
@@ -67,7 +65,7 @@ def surface_laws(bsdf: BSDF, samples: int, generator: torch.Generator, picture: 
     for view, wi in views.items():
         yield Check(f"sample_walk is the value's, {view}", lambda wi=wi: walks(bsdf, wi, samples, numbers))
     yield Check("nothing is gained", lambda: gained(bsdf, views, samples, numbers), TABLE)
-    if is_lossless(bsdf) and bsdf.max_order >= 3:
+    if bsdf.is_lossless and bsdf.max_order >= 3:
         yield Check("white furnace", lambda: lost(bsdf, views, samples, numbers), 0.0)
     if bsdf.scattering.is_reciprocal:
         pair = (direction_set(sides, samples, generator) for _ in range(2))
@@ -88,15 +86,6 @@ def direction_set(sides: Sequence[int], n: int, generator: torch.Generator) -> T
     r, phi = (1 - z * z).sqrt(), 2 * math.pi * u[:, 1]
     side = torch.where((u[:, 2] < 0.5) & (len(sides) > 1), -1.0, 1.0)
     return torch.stack([r * phi.cos(), r * phi.sin(), z * side], -1)
-
-
-def is_lossless(bsdf: BSDF) -> bool:
-    """Whether its facets absorb nothing."""
-    if isinstance(bsdf, RoughConductor):
-        return isinstance(bsdf.fresnel, Ideal)
-    if isinstance(bsdf, RoughDiffuse):
-        return bool((bsdf.reflectance == 1).all())
-    return isinstance(bsdf, RoughDielectric)
 
 
 def walks(bsdf: BSDF, wi: Tensor, samples: int, numbers: Numbers) -> tuple[float, str]:
@@ -168,7 +157,9 @@ def finite(bsdf: BSDF, dtype: torch.dtype) -> tuple[float, str]:
     """Of every method: at the poles, on the horizon, below it, at h = 0, at u = 0 and u → 1."""
     wi, wo = (x.to(dtype).requires_grad_() for x in edges())
     values = {name: value.detach().to(dtype).requires_grad_() for name, (_, value) in parameters(bsdf).items()}
-    here = with_parameters(bsdf.to(dtype), values)
+    bsdf.to(dtype)
+    values |= {n: x.detach().requires_grad_() for n, x in weights(bsdf).items() if isinstance(x, nn.Parameter)}
+    here = with_parameters(bsdf, values)
     most = 1 - torch.finfo(dtype).eps / 2
     rows = torch.tensor([[0.0], [0.5], [most]], dtype=dtype).expand(3, bsdf.n_uniforms)
     mixed = torch.where(torch.arange(bsdf.n_uniforms) % 2 == 0, rows[0], rows[2])
@@ -200,4 +191,9 @@ def slopes(bsdf: BSDF, views: Sequence[Tensor], numbers: Numbers) -> float:
         orders = here.orders(wi, wo, u)
         return torch.cat([(orders if exact else orders[:, :1]).reshape(-1), here.pdf(wi, wo)])
 
-    return slope_error(values, [value for _, value in declared.values()])
+    # A difference moves a number by 1e-5 of itself: also one that is the end of its range, as an albedo of 1.
+    before = set_validation(False)
+    try:
+        return slope_error(values, [value for _, value in declared.values()])
+    finally:
+        set_validation(before)

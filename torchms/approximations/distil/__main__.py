@@ -63,7 +63,9 @@ def main(options: Options) -> None:
     check_writable(options.out, options.force)
     told = {k: v for k, v in asdict(options).items() if k not in ("out", "work", "force")}
     folder = options.work / options.distribution
-    blocks.opened(folder, {"version": __version__, "format": files.FORMAT, **told})
+    later = ("refinements", "held_out_points", "held_out_paths")
+    begun = {name: value for name, value in told.items() if name not in later}
+    blocks.opened(folder, {"version": __version__, "format": files.FORMAT, **begun})
     numbers = list(range(rank, options.blocks, world))
     with progress_bar("blocks of data", len(numbers)) as advance:
         blocks.made(folder, options.distribution, options.alpha, options.seed, options.paths, numbers, advance)
@@ -100,7 +102,16 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
         )
     data = refinement.Data(inputs, targets[:, 1:4].sum(-1), floor)
     with progress_bar("refinement", options.refinements) as advance:
-        vector = refinement.refined(weights, vector, data, cells, options.refinements, options.seed + 5, advance)
+        vector = refinement.refined(
+            weights,
+            vector,
+            data,
+            cells,
+            options.refinements,
+            options.seed + 5,
+            folder / "refinement.npz",
+            advance,
+        )
     others = options.steps // 4
     with progress_bar("other outputs", others) as advance:
         vector = refinement.others_anew(weights, vector, data, targets, others, options.seed + 6, advance)

@@ -20,7 +20,7 @@ COLUMNS = ("f1", "f2", "f3", "f4", "kf4", "s2", "s3", "s4")
 """f of the orders 1, 2, 3 and ≥ 4 [1/sr]; Σ k f_k of the last; f_k ⟨Σ_l (1 − c_l)⁵⟩ of the orders 2, 3 and ≥ 4."""
 
 
-class Probe(Fresnel):
+class _Probe(Fresnel):
     """1 + δ (1 − cos θ)⁵: a reflectance whose variation shows how a path's facets are met."""
 
     delta: Tensor
@@ -71,5 +71,5 @@ def _both(kind: str, rows: Rows, scattering: Scattering, u: Stream) -> tuple[Ten
 
 
 def _estimate(kind: str, rows: Rows, scattering: Scattering, u: Stream, delta: float) -> Tensor:
-    surface = compile(RoughConductor(KINDS[kind](rows.ax, rows.ay), Probe(delta), scattering), verbose=False)
+    surface = compile(RoughConductor(KINDS[kind](rows.ax, rows.ay), _Probe(delta), scattering), verbose=False)
     return surface.orders(rows.wi, rows.wo, u)[..., 0] / rows.wo[:, 2:]

@@ -6,8 +6,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-ESCAPED = -1
-LEAKED = -2
+from torchms.microsurface.rays.grid import ESCAPED, LEAKED
+
 MAX_TRIES = 4
 # Periods a ray may cross; only an exactly horizontal one comes near.
 MAX_WRAPS = 1_000_000

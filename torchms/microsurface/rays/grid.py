@@ -7,6 +7,10 @@ import numpy as np
 
 from torchms.microsurface.surfaces.heightfield import Heightfield
 
+ESCAPED = -1
+LEAKED = -2
+"""What a cast writes in place of a facet's number."""
+
 
 @dataclass(frozen=True)
 class Grid:

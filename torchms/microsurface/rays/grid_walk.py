@@ -16,9 +16,12 @@ class GridTracer(Tracer):
     It needs no offset and no tree, so a surface is ready at once. Raises ImportError where Numba is missing.
     """
 
+    def require(self) -> None:
+        """See `Tracer`."""
+        require_numba()
+
     def bind(self, grid: Grid) -> "GridCaster":
         """Bound the heights of each block of cells."""
-        require_numba()
         from torchms.microsurface.rays.grid_walk_kernel import COARSE, FINE, block_bounds
 
         return GridCaster(grid, *block_bounds(grid.heights, FINE), *block_bounds(grid.heights, COARSE))

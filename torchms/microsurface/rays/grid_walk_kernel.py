@@ -12,8 +12,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-ESCAPED = -1
-LEAKED = -2
+from torchms.microsurface.rays.grid import ESCAPED, LEAKED
+
 FINE = 3
 COARSE = 6
 # Rounding leaves |f| near 1e-12 cells; more means that a ray has come to the wrong side.

@@ -45,6 +45,10 @@ class Tracer(ABC):
     """How rays are traced; goes into the `tracer` slot of `simulate`."""
 
     @abstractmethod
+    def require(self) -> None:
+        """Raise ImportError that says how to get what is missing; called before surfaces are made."""
+
+    @abstractmethod
     def bind(self, grid: Grid) -> Caster:
         """Build what is needed to trace on one surface."""
 
@@ -74,6 +78,10 @@ class EmbreeTracer(Tracer):
             raise ValueError(f"EmbreeTracer(offset=...) must lie in [1e-6, 1e-2] cells; got {self.offset}. Use 1e-5.")
         if self.margin < 2:
             raise ValueError(f"EmbreeTracer(margin=...) must be at least 2 cells; got {self.margin}. Use 16.")
+
+    def require(self) -> None:
+        """See `Tracer`."""
+        _embreex()
 
     def bind(self, grid: Grid) -> "EmbreeCaster":
         """Build the scene of one tile and its margin."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from torchms.microsurface.simulation.plan import Partial, Plan, Shard
+from torchms.microsurface.simulation.partial import Partial
+from torchms.microsurface.simulation.plan import Plan, Shard
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import read_json, remove_leftovers, write_whole
 

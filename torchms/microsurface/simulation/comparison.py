@@ -1,37 +1,40 @@
 """Simulation and models side by side: the same material, roughness, direction and bins."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+from torchms.bsdfs import BSDF
+from torchms.bsdfs.named import MATERIALS, SCATTERINGS, with_scattering
 from torchms.distributions import Beckmann
-from torchms.estimators import HeightWalk, Scattering, Unidirectional
 from torchms.fresnel import Dielectric, Ideal
 from torchms.lobes import Tally, measure
+from torchms.maths.frame import direction
 from torchms.microsurface.rays.tracer import Tracer
-from torchms.microsurface.simulation.materials import FacetMaterial, Lambertian, Mirror, Refractive
-from torchms.microsurface.simulation.run import simulate
-from torchms.microsurface.surfaces.heightfield import GaussianSurfaces
-from torchms.paths.segments import Correlated, Invariance, Uncorrelated
+from torchms.microsurface.simulation.materials import DielectricFacets, DiffuseFacets, FacetMaterial, MirrorFacets
+from torchms.microsurface.simulation.parts import facets_of
+from torchms.microsurface.simulation.simulate import simulate
+from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 
 SIMULATION = "simulation"
-MODELS: dict[str, Callable[[int], Scattering]] = {
-    "height walk": lambda k: HeightWalk(max_order=k),
-    "uncorrelated": lambda k: Unidirectional(Uncorrelated(), max_order=k),
-    "correlated": lambda k: Unidirectional(Correlated(), max_order=k),
-    "invariance": lambda k: Unidirectional(Invariance(), max_order=k),
+MODELS = {
+    "height walk": "height-walk",
+    "uncorrelated": "uncorrelated",
+    "correlated": "correlated",
+    "invariance": "invariance",
 }
-MATERIALS = ("conductor", "dielectric", "diffuse")
+"""What a figure calls a model, and its name on the command line."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One panel of comparison: conductor with F = 1, dielectric with `eta`, or diffuse with albedo 1, Beckmann."""
+    """One panel of comparison: conductor with F = 1, dielectric with `eta`, or diffuse with albedo 1, Beckmann.
+
+    bsdf: a surface with facets of its own instead, whose material, α and distribution the other fields repeat.
+    """
 
     material: str
     alpha: tuple[float, float]
@@ -39,6 +42,7 @@ class Case:
     phi: float = 0.0
     eta: float = 1.5
     max_order: int = 10
+    bsdf: BSDF | None = None
 
     def __post_init__(self) -> None:
         if self.material not in MATERIALS:
@@ -47,28 +51,28 @@ class Case:
     @property
     def wi(self) -> Tensor:
         """Direction of incidence (3,)."""
-        s = math.sin(self.theta)
-        values = [s * math.cos(self.phi), s * math.sin(self.phi), math.cos(self.theta)]
-        return torch.tensor(values, dtype=torch.float64)
+        return direction(self.theta, self.phi)
 
     @property
     def facets(self) -> FacetMaterial:
         """What the simulated facets are."""
-        return {"conductor": Mirror(), "dielectric": Refractive(self.eta), "diffuse": Lambertian()}[self.material]
+        if self.bsdf is not None:
+            return facets_of(self.bsdf)
+        named = {"conductor": MirrorFacets(), "dielectric": DielectricFacets(self.eta), "diffuse": DiffuseFacets()}
+        return named[self.material]
 
     @property
     def models(self) -> tuple[str, ...]:
         """Names of the models that hold for this material: invariance knows one side of the surface only."""
         return tuple(name for name in MODELS if not (name == "invariance" and self.material == "dielectric"))
 
-    def bsdf(self, model: str) -> BSDF:
-        """The model of that name."""
-        distribution, scattering = Beckmann(*self.alpha), MODELS[model](self.max_order)
-        if self.material == "conductor":
-            return RoughConductor(distribution, Ideal(), scattering)
-        if self.material == "dielectric":
-            return RoughDielectric(distribution, Dielectric(self.eta), scattering)
-        return RoughDiffuse(distribution, 1.0, scattering)
+    def modelled_by(self, model: str) -> BSDF:
+        """The surface with the model of that name."""
+        bsdf = self.bsdf
+        if bsdf is None:
+            facet = {"conductor": Ideal(), "dielectric": Dielectric(self.eta), "diffuse": 1.0}[self.material]
+            bsdf = MATERIALS[self.material](Beckmann(*self.alpha), facet)  # type: ignore[call-arg]
+        return with_scattering(bsdf, SCATTERINGS[MODELS[model]](self.max_order))
 
     def simulated(self, surfaces: int, size: int, rays: float | int, seed: int, tracer: Tracer) -> Tally:
         """The explicit surface's result, on `surfaces` independent ones of `size` texels."""
@@ -79,7 +83,7 @@ class Case:
         """A model's result, by its own random walk."""
         bins = (64, 64) if lobes else None
         wi = self.wi.to(torch.get_default_dtype())
-        return measure(self.bsdf(model), wi, n_paths=walks, seed=seed, bins=bins, progress=False)
+        return measure(self.modelled_by(model), wi, n_paths=walks, seed=seed, bins=bins, progress=False)
 
 
 def energies(tally: Tally) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from datetime import timedelta
 import torch
 import torch.distributed as dist
 
-from torchms.microsurface.simulation.plan import Partial, Shard
+from torchms.microsurface.simulation.partial import Partial
+from torchms.microsurface.simulation.plan import Shard
 
 # A slow worker is no error: the others wait for it. torchrun itself ends the group when a process dies.
 PATIENCE = timedelta(days=30)

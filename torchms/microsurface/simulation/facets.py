@@ -1,10 +1,8 @@
-"""Numba kernels on batches of rays: launch, facet scattering, tally. Import it lazily: Numba is an extra.
+"""Numba kernels: what a facet does to the rays that sit on it. Import it lazily: Numba is an extra.
 
-Positions are in the grid frame of `grid.Grid` (cells along x and y), directions in the world frame. A ray that sits on
-a facet has its number in `tri`, and `side` +1 above the surface, −1 below it. Every random number is Philox4x32-10
-[Salmon2011] of (key of the shard, ray, event): no state, so results depend neither on threads nor on batches.
-Kernels carry `no_type_check`, since the type checker's import hook would wrap them before Numba sees them. They
-all live in one file, since Numba's disk cache notices a change only in the file of the kernel itself.
+Positions are in the grid frame of `Grid` (cells along x and y), directions in the world frame. A ray that sits on a facet has
+its number in `tri`, and `side` +1 above the surface, −1 below it.
+Kernels carry `no_type_check`, since the type checker's import hook would wrap them before Numba sees them.
 """
 
 import math
@@ -13,93 +11,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-ESCAPED = -1
-LEAKED = -2
-# Energies are summed as integers, so that a sum does not depend on its order: 2^30 steps of one path's energy.
-UNIT = float(1 << 30)
-N_COS = 64
-N_PHI = 64
-PLANES = 4
-
-_M0 = np.uint64(0xD2511F53)
-_M1 = np.uint64(0xCD9E8D57)
-_W0 = np.uint32(0x9E3779B9)
-_W1 = np.uint32(0xBB67AE85)
-_LOW = np.uint64(0xFFFFFFFF)
-_HIGH = np.uint64(32)
-
-
-@njit(nogil=True, cache=True, inline="always")
-@no_type_check
-def philox(c0, c1, c2, c3, k0, k1):
-    """Four 32-bit words of Philox4x32-10 at counter c, key k."""
-    for _ in range(10):
-        p0 = np.uint64(c0) * _M0
-        p1 = np.uint64(c2) * _M1
-        n0 = np.uint32((p1 >> _HIGH) & _LOW) ^ np.uint32(c1) ^ np.uint32(k0)
-        n2 = np.uint32((p0 >> _HIGH) & _LOW) ^ np.uint32(c3) ^ np.uint32(k1)
-        c1 = np.uint32(p1 & _LOW)
-        c3 = np.uint32(p0 & _LOW)
-        c0 = n0
-        c2 = n2
-        k0 = np.uint32(k0 + _W0)
-        k1 = np.uint32(k1 + _W1)
-    return c0, c1, c2, c3
-
-
-@njit(nogil=True, cache=True)
-@no_type_check
-def philox_words(counter, key):
-    """`philox` for tests: counter (4,), key (2,) uint32."""
-    a, b, c, d = philox(counter[0], counter[1], counter[2], counter[3], key[0], key[1])
-    return np.array([a, b, c, d], dtype=np.uint32)
-
-
-@njit(nogil=True, cache=True, inline="always")
-@no_type_check
-def unit(word):
-    """Uniform number in (0, 1) from 32 random bits."""
-    return (np.float64(word) + 0.5) * (1.0 / 4294967296.0)
-
-
-@njit(nogil=True, cache=True, inline="always")
-@no_type_check
-def even_bits(v):
-    """The 32 bits of `v` at even places, packed."""
-    v &= np.uint64(0x5555555555555555)
-    v = (v | (v >> np.uint64(1))) & np.uint64(0x3333333333333333)
-    v = (v | (v >> np.uint64(2))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    v = (v | (v >> np.uint64(4))) & np.uint64(0x00FF00FF00FF00FF)
-    v = (v | (v >> np.uint64(8))) & np.uint64(0x0000FFFF0000FFFF)
-    return (v | (v >> np.uint64(16))) & np.uint64(0x00000000FFFFFFFF)
-
-
-@njit(nogil=True, cache=True)
-@no_type_check
-def launch(first, total, key, wi, nx, ny, top, x, y, z, d, tri, side, ray, n):
-    """Rays `first` … `first + n − 1` of a shard of `total`, along −wi, over the tile at height `top`.
-
-    Ray r starts at a random point of the r-th of `total` equal stretches of the Morton curve over the tile: uniform,
-    stratified, and neighbours in number are neighbours in place, so no batch ever has to be sorted.
-    """
-    for r in range(n):
-        number = first + r
-        a, b, _, _ = philox(np.uint32(number), np.uint32(0), np.uint32(0), np.uint32(0), key[0], key[1])
-        place = (np.float64(number) + unit(a)) / np.float64(total)
-        # The double carries 53 bits of the curve; 11 more make the low bits of a small stretch as random as the high.
-        code = (np.uint64(place * 9007199254740992.0) << np.uint64(11)) | np.uint64(b >> np.uint32(21))
-        # As float32 about the middle of the tile, so that both tracers start at the very same point.
-        u = (np.float64(even_bits(code >> np.uint64(1))) + 0.5) / 4294967296.0
-        v = (np.float64(even_bits(code)) + 0.5) / 4294967296.0
-        x[r] = np.float64(np.float32(u * nx - nx // 2)) + nx // 2
-        y[r] = np.float64(np.float32(v * ny - ny // 2)) + ny // 2
-        z[r] = np.float64(np.float32(top))
-        d[r, 0] = -wi[0]
-        d[r, 1] = -wi[1]
-        d[r, 2] = -wi[2]
-        tri[r] = -1
-        side[r] = 1.0
-        ray[r] = number
+from torchms.microsurface.simulation.philox import philox, unit
 
 
 @njit(nogil=True, cache=True, inline="always")
@@ -255,72 +167,3 @@ def scatter_lambertian(h, kx, ky, smooth, event, key, x, y, d, tri, side, ray, n
         if dx * dx + dy * dy + dz * dz < 1e-20:
             dx, dy, dz = mx, my, mz
         put_direction(d, r, dx, dy, dz, gx, gy, gz, 1.0)
-
-
-@njit(nogil=True, cache=True, inline="always")
-@no_type_check
-def in_steps(energy):
-    """Energy as a whole number of 1/UNIT."""
-    return np.int64(energy * UNIT + 0.5)
-
-
-@njit(nogil=True, cache=True)
-@no_type_check
-def settle(order, factor, weighted, weight, reflected, transmitted, leaked, lobes, x, y, z, d, tri, side, ray, n):
-    """Tally the rays that left after `order` events or leaked, close the gaps, and return how many go on.
-
-    factor (C,) multiplies every ray's energy; `weight` (n, C) too if `weighted`. Tallies are int64 in steps of 1/UNIT:
-    reflected, transmitted (K, C), leaked (C,), lobes (PLANES, N_COS, N_PHI, C), or (0, …) if nobody asked for them.
-    """
-    channels = factor.shape[0]
-    plane = order - 1 if order < PLANES else -1
-    keep = 0
-    for r in range(n):
-        t = tri[r]
-        if t >= 0:
-            if keep != r:
-                x[keep] = x[r]
-                y[keep] = y[r]
-                z[keep] = z[r]
-                d[keep, 0] = d[r, 0]
-                d[keep, 1] = d[r, 1]
-                d[keep, 2] = d[r, 2]
-                tri[keep] = t
-                side[keep] = side[r]
-                ray[keep] = ray[r]
-                if weighted:
-                    for c in range(channels):
-                        weight[keep, c] = weight[r, c]
-            keep += 1
-            continue
-        i = 0
-        j = 0
-        if t == ESCAPED and lobes.shape[0]:
-            i = min(int((d[r, 2] + 1) * (N_COS / 2)), N_COS - 1)
-            phi = math.atan2(d[r, 1], d[r, 0])
-            if phi < 0:
-                phi += 2 * math.pi
-            j = min(int(phi * (N_PHI / (2 * math.pi))), N_PHI - 1)
-        for c in range(channels):
-            energy = in_steps(factor[c] * weight[r, c] if weighted else factor[c])
-            if t != ESCAPED or order == 0:
-                leaked[c] += energy
-                continue
-            if side[r] > 0:
-                reflected[order - 1, c] += energy
-            else:
-                transmitted[order - 1, c] += energy
-            if lobes.shape[0]:
-                lobes[PLANES - 1, i, j, c] += energy
-                if plane >= 0:
-                    lobes[plane, i, j, c] += energy
-    return keep
-
-
-@njit(nogil=True, cache=True)
-@no_type_check
-def remaining(factor, weighted, weight, rest, n):
-    """Add the energy of the first n rays to `rest` (C,)."""
-    for r in range(n):
-        for c in range(factor.shape[0]):
-            rest[c] += in_steps(factor[c] * weight[r, c] if weighted else factor[c])

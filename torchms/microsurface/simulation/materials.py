@@ -44,7 +44,7 @@ class FacetMaterial(ABC):
 
 
 @dataclass(frozen=True)
-class Mirror(FacetMaterial):
+class MirrorFacets(FacetMaterial):
     """Mirror facets whose reflectance is `fresnel(cos θ)`, (…) → (…, C); None reflects everything (F = 1)."""
 
     fresnel: Callable[[Tensor], Tensor] | None = None
@@ -55,7 +55,7 @@ class Mirror(FacetMaterial):
         F = self._reflectance(np.linspace(0.0, 1.0, 17))
         if F.ndim != 2 or F.shape[0] != 17 or not np.isfinite(F).all() or F.min() < 0 or F.max() > 1 + 1e-6:
             raise ValueError(
-                "Mirror(fresnel=...) must map cosines (...) to reflectances (..., C) in [0, 1]; got shape "
+                "MirrorFacets(fresnel=...) must map cosines (...) to reflectances (..., C) in [0, 1]; got shape "
                 f"{F.shape} with values from {F.min()} to {F.max()} for 17 cosines. Use a module of torchms.fresnel."
             )
 
@@ -100,7 +100,7 @@ class Mirror(FacetMaterial):
 
 
 @dataclass(frozen=True)
-class Refractive(FacetMaterial):
+class DielectricFacets(FacetMaterial):
     """Smooth dielectric facets, η = n_inside / n_outside; light comes from outside (take 1/η for light from inside)."""
 
     eta: float | int
@@ -108,7 +108,7 @@ class Refractive(FacetMaterial):
     def __post_init__(self) -> None:
         if not (math.isfinite(self.eta) and 0.1 <= self.eta <= 10) or self.eta == 1:
             raise ValueError(
-                f"Refractive(eta=...) must lie in [0.1, 10] and differ from 1; got {self.eta}. It is n_inside / "
+                f"DielectricFacets(eta=...) must lie in [0.1, 10] and differ from 1; got {self.eta}. It is n_inside / "
                 "n_outside: 1.5 for glass seen from air, 1/1.5 from within."
             )
 
@@ -128,7 +128,7 @@ class Refractive(FacetMaterial):
 
 
 @dataclass(frozen=True)
-class Lambertian(FacetMaterial):
+class DiffuseFacets(FacetMaterial):
     """Ideally diffuse facets with `albedo`, a number or one a channel."""
 
     albedo: float | int | Sequence[float | int] = 1.0
@@ -143,7 +143,7 @@ class Lambertian(FacetMaterial):
             or values.max() > 1
         ):
             raise ValueError(
-                f"Lambertian(albedo=...) must be one or more numbers in [0, 1]; got {self.albedo}. "
+                f"DiffuseFacets(albedo=...) must be one or more numbers in [0, 1]; got {self.albedo}. "
                 "A facet cannot reflect more than it receives."
             )
 

@@ -1,22 +1,13 @@
-"""Heightfields as triangle meshes and as files: trimesh, 16-bit images, .npy."""
+"""Heights over a regular grid as a triangle mesh, and back."""
 
-import io
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from torchms.storage.archives import read_array
-from torchms.storage.media import MESHES, MOST_PIXELS, import_trimesh, read_image
-from torchms.storage.media import read_mesh as read_triangles
-from torchms.storage.write import check_writable, write_whole
+from torchms.storage.media import import_trimesh
 
 if TYPE_CHECKING:
     import trimesh
-
-    from torchms.microsurface.surfaces.heightfield import Heightfield
-
-IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 
 
 def triangle_indices(nx: int, ny: int) -> np.ndarray:
@@ -92,58 +83,6 @@ def grid_of_mesh(mesh: "trimesh.Trimesh") -> tuple[np.ndarray, tuple[float, floa
             f"(trimesh.repair). {remedy}"
         )
     return heights, spacing
-
-
-def read_mesh(path: str | Path) -> Any:
-    """The mesh at `path`, or None if its suffix is not a mesh's."""
-    _check_readable(path)
-    if Path(path).suffix.lower() not in MESHES:
-        return None
-    return read_triangles(path)
-
-
-def read_heights(path: str | Path) -> np.ndarray:
-    """Heights in .npy or in a 16-bit or float PNG/TIFF, as float64; an image's columns become the first axis (x)."""
-    _check_readable(path)
-    suffix = Path(path).suffix.lower()
-    if suffix == ".npy":
-        try:
-            return read_array(path, 16 * MOST_PIXELS)
-        except ValueError as error:
-            raise ValueError(f"Heightfield.from_file(path=...): {path} is not a plain .npy array ({error}).") from error
-    if suffix not in IMAGE_SUFFIXES:
-        allowed = ", ".join((".npy", *IMAGE_SUFFIXES, *MESHES))
-        raise ValueError(f"Heightfield.from_file(path=...) must end in one of {allowed}; got {path}. Convert it first.")
-    image = read_image(path, ("PNG", "TIFF"))
-    if image.mode not in ("I;16", "I;16B", "I;16L", "I", "F"):
-        raise ValueError(
-            f"Heightfield.from_file(path=...) must be a 16-bit (or float) height map of one channel; {path} has "
-            f"mode {image.mode}. 256 steps of height make terraces: export the measurement with 16 bits."
-        )
-    return np.array(image).astype(np.float64).T
-
-
-def export(surface: "Heightfield", path: str | Path, *, force: bool) -> None:
-    """Write `surface` as .npy or mesh, atomically."""
-    check_writable(path, force)
-    suffix = Path(path).suffix.lower()
-    if suffix == ".npy":
-        buffer = io.BytesIO()
-        np.save(buffer, surface.heights)
-        content = buffer.getvalue()
-    elif suffix in MESHES:
-        data = surface.mesh.export(file_type=suffix[1:])
-        assert isinstance(data, str | bytes)
-        content = data.encode() if isinstance(data, str) else data
-    else:
-        allowed = ", ".join((".npy", *MESHES))
-        raise ValueError(f"Heightfield.export(path=...) must end in one of {allowed}; got {path}.")
-    write_whole(path, content, force)
-
-
-def _check_readable(path: str | Path) -> None:
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"Heightfield.from_file(path=...): there is no file {path}.")
 
 
 def _twice_area_z(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

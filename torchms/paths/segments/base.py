@@ -5,7 +5,7 @@ normalised form e_k = λ_0 ⋯ λ_{k−1} · S(d_0 … d_k), the probability tha
 after bounce k. It is finite at the horizon, where λ is not, and Σ_k e_k = 1 for each model, so nothing is lost.
 """
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -33,13 +33,17 @@ class Leg(NamedTuple):
     back: Tensor | None = None
 
 
-class Segment(nn.Module):
+class Segment(nn.Module, ABC):
     """A model of the heights between bounces; walked leg by leg with an immutable state."""
 
     is_reciprocal: bool
     """Whether S(d_0 … d_k) = S(−d_k … −d_0)."""
     transmits: bool
     """Whether the model holds for rays that change side."""
+    is_exact: bool = False
+    """Whether the term, or its expectation, is that of the Smith model."""
+    is_exact_once: bool = False
+    """Whether it is for a single bounce."""
     n_uniforms: int = 0
     """Random numbers a leg draws."""
 

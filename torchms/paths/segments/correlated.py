@@ -23,8 +23,11 @@ class Correlated(Segment):
     Not reciprocal [Wang2022, Eqs. 25–26].
     """
 
+    sources = ("Wang2022",)
+
     is_reciprocal = False
     transmits = True
+    is_exact_once = True
 
     def start(self, first: Leg, monotone: bool) -> CorrelatedState:
         return CorrelatedState(torch.ones_like(first.lam), first.lam)

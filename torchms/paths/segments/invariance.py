@@ -19,13 +19,16 @@ class InvarianceState(NamedTuple):
 class Invariance(Segment):
     """The exact term of the Smith model, for facets that reflect. Reciprocal.
 
-    A path is split at its highest collision; both halves are paths of the same kind (THEORY section 4):
+    A path is split at its highest collision; both halves are paths of the same kind (docs/theory.md, section 4):
     S(i…j) = 1 / (|Λ_i| + Λ_j) · Σ_m S(i…m) S(m+1…j), zero unless d_i points down and d_j up; halves of one direction
     count 1. Mirrors never turn an upgoing ray down, so only the two outer splits survive: the recursion of [Cui2023].
     """
 
+    sources = ("Cui2023",)
+
     is_reciprocal = True
     transmits = False
+    is_exact = True
 
     def start(self, first: Leg, monotone: bool) -> InvarianceState:
         return InvarianceState((first,), ((),), monotone)

@@ -12,6 +12,8 @@ from torchms.paths.segments.base import Joiner, Leg, Segment
 class Uncorrelated(Segment):
     """Each leg is judged by itself, as if every bounce happened at a fresh height [Wang2022, §2.1]. Reciprocal."""
 
+    sources = ("Wang2022",)
+
     is_reciprocal = True
     transmits = True
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from torchms.onnx.check import Parity
+from torchms.onnx.parity.compare import Parity
 
 FOOTNOTE = (
     "rel: |file - eager| / |eager|, largest and 99.9th percentile, for orders relative to their sum; sensitive: "

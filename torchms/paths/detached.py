@@ -19,11 +19,11 @@ from torch.autograd import forward_ad
 from torchms.maths.frame import Vec3
 from torchms.maths.numerics import score, smallest
 
-Knots = Sequence[Tensor]
+Anchors = Sequence[Tensor]
 """Heights n · d_z that the map follows: those of a path's ends, and ±n, between which all others are."""
 
 
-class Held(NamedTuple):
+class Detached(NamedTuple):
     """A direction that is held, and what the solid angle around it grows by [1] (1, with a gradient); None for nothing."""
 
     d: Vec3
@@ -45,17 +45,17 @@ def constant(d: Vec3) -> Vec3:
     return Vec3(d.x.detach(), d.y.detach(), d.z.detach())
 
 
-def hold(d: Vec3, knots: Knots, n: Tensor | None = None) -> Held:
-    """`d` held relative to the `knots`: its height n · d_z goes along with the two next to it, linearly between them.
+def detached(d: Vec3, anchors: Anchors, n: Tensor | None = None) -> Detached:
+    """`d` held relative to the `anchors`: its height n · d_z goes along with the two next to it, linearly between them.
 
-    n: the index where the light runs, times ±1 if d is not in the frame of the knots; None for 1.
+    n: the index where the light runs, times ±1 if d is not in the frame of the anchors; None for 1.
     """
     d = constant(d)
-    if not differentiated(*knots):
-        return Held(d, None)
+    if not differentiated(*anchors):
+        return Detached(d, None)
     n = torch.ones_like(d.z) if n is None else n
     height = (n * d.z).detach()
-    stack = torch.stack(torch.broadcast_tensors(*knots, height))[:-1]
+    stack = torch.stack(torch.broadcast_tensors(*anchors, height))[:-1]
     below = stack.detach() <= height
     low = torch.where(below, stack, -torch.inf).amax(0)
     high = torch.where(below, torch.inf, stack).amin(0)
@@ -64,6 +64,6 @@ def hold(d: Vec3, knots: Knots, n: Tensor | None = None) -> Held:
     low, length = torch.where(between, low, 0.0), torch.where(between, length, 1.0)
     t = ((height - low) / length).detach()
     z = torch.where(between, (low + t * length) / n, d.z)
-    # 1 − z² as its two factors: neither cancels where the height and a knot are at the pole together.
+    # 1 − z² as its two factors: neither cancels where the height and an anchor are at the pole together.
     shrunk = torch.sqrt(score(1 - z) * score(1 + z))
-    return Held(Vec3(d.x * shrunk, d.y * shrunk, z), torch.where(between, score(length) / score(n.abs()), 1.0))
+    return Detached(Vec3(d.x * shrunk, d.y * shrunk, z), torch.where(between, score(length) / score(n.abs()), 1.0))

@@ -1,0 +1,69 @@
+"""From the options that describe a surface to the surface."""
+
+from dataclasses import fields
+
+from torchms.bsdfs import BSDF
+from torchms.bsdfs.named import DISTRIBUTIONS, MATERIALS, SCATTERINGS, with_scattering
+from torchms.cli.arguments import parse_alpha
+from torchms.cli.expression import parse_bsdf
+from torchms.cli.options import ExportOptions, RenderOptions
+from torchms.cli.surface import SurfaceOptions
+from torchms.distributions import MicrofacetDistribution
+from torchms.estimators import Scattering
+from torchms.fresnel import Conductor, Dielectric, Ideal
+
+SHORT = tuple(field.name for field in fields(SurfaceOptions) if field.name != "bsdf")
+
+
+def described(options: SurfaceOptions, scattering: Scattering | None = None) -> BSDF:
+    """The BSDF that the options describe, with `scattering` in its slot; None: that of the expression, or the usual one.
+
+    Raises ValueError if options do not fit together.
+    """
+    if options.bsdf is None:
+        return _by_name(options, scattering)
+    if named := [f"--{name.replace('_', '-')}" for name in SHORT if is_given(options, name)]:
+        raise ValueError(f"--bsdf says all of the surface: leave out {', '.join(named)}, or --bsdf.")
+    bsdf = parse_bsdf(options.bsdf)
+    return bsdf if scattering is None else with_scattering(bsdf, scattering)
+
+
+def scattering_of(options: RenderOptions | ExportOptions, glass: str, others: str) -> Scattering | None:
+    """The model of --scattering, of --max-order bounces, or the usual one of the material; None: that of --bsdf."""
+    if options.bsdf is None:
+        return SCATTERINGS[options.scattering or (glass if options.material == "dielectric" else others)](
+            options.max_order
+        )
+    if options.scattering is not None:
+        return SCATTERINGS[options.scattering](options.max_order)
+    return None
+
+
+def is_given(options: SurfaceOptions, name: str) -> bool:
+    """Whether an option differs from what its command takes if nobody names it."""
+    default = next(field.default for field in fields(options) if field.name == name)
+    return getattr(options, name) != default
+
+
+def _by_name(options: SurfaceOptions, scattering: Scattering | None) -> BSDF:
+    distribution = build_distribution(options)
+    if options.metal is not None and options.material != "conductor":
+        raise ValueError(f"--metal goes with --material conductor; got --material {options.material}.")
+    if options.material == "conductor":
+        facet = Ideal() if options.metal is None else Conductor.metal(options.metal)
+    else:
+        facet = Dielectric(options.eta) if options.material == "dielectric" else options.albedo
+    return MATERIALS[options.material](distribution, facet, scattering)  # type: ignore[call-arg]
+
+
+def build_distribution(options: SurfaceOptions) -> MicrofacetDistribution:
+    """The distribution that --distribution, --alpha and --gamma describe; ValueError if they do not fit together."""
+    alphas = parse_alpha(options.alpha, options.alpha_y)
+    name, gamma = options.distribution, options.gamma
+    if name == "gtr":
+        if len(alphas) > 1:
+            raise ValueError(f"--distribution gtr is isotropic: --alpha must be one number; got {options.alpha!r}.")
+        return DISTRIBUTIONS[name](alphas[0], 2.0 if gamma is None else gamma)
+    if gamma is not None:
+        raise ValueError(f"--gamma goes with --distribution gtr; got --distribution {name}.")
+    return DISTRIBUTIONS[name](*alphas)

@@ -1,0 +1,248 @@
+"""A kernel as machine code: its values, and its gradients when they are first asked for."""
+
+import math
+import threading
+from array import array
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from torchms.evaluation import blocks, threads
+from torchms.evaluation.inputs import Element, Inputs
+from torchms.evaluation.signature import Signature
+from torchms.machine.code import EACH, MEAN, TOTAL, Code, Column, Result
+from torchms.machine.record import Recorder, record
+
+PIECE = 512
+"""Elements that stay in the first cache: machine code takes rows by so many."""
+ELEMENTS = 16384
+"""Elements that a thread takes at a time."""
+ALONG_PATHS = 64
+"""Paths from which on machine code goes along them, not along the rows."""
+PATHS = 1 << 16
+"""Paths of a row that a thread takes at a time."""
+MOST_GRADIENTS = 1024
+"""Numbers that all elements share of which machine code gives gradients; of more they are computed eagerly."""
+
+
+class Compiled:
+    """The machine code of a `Signature`. announced: shows what is being compiled, while it is."""
+
+    def __init__(
+        self, signature: Signature, inputs: Inputs, name: str, announced: Callable[[str], AbstractContextManager[Any]]
+    ) -> None:
+        self.signature, self.name, self.announced = signature, name, announced
+        self.kernel = signature.kernel
+        self.lock = threading.Lock()
+        self.backward: dict[tuple[bool, ...], Code] = {}
+        self.dtypes: list[torch.dtype] = []
+        with announced(name), torch.no_grad():
+            program, shapes = record(lambda recorder: self._recorded(Element(recorder, inputs)))
+            self.code = Code(program, signature.exact)
+        # What is recorded has one row, and one path.
+        self.leads = [shape[: -2 if self.kernel.per_path else -1] for shape in shapes]
+
+    def _recorded(self, element: Element) -> tuple[Tensor, ...]:
+        found = self.kernel(element.bsdf, *element.directions, element.numbers)
+        self.dtypes = [x.dtype for x in found]
+        return found
+
+    def values(self, inputs: Inputs) -> tuple[Tensor, ...]:
+        """(rows, *lead), or (rows, N, *lead) if the kernel is per path."""
+        n, N, each = inputs.n_rows, inputs.n_paths, self.kernel.per_path
+        paths = (N,) if each else ()
+        wholes = [torch.empty(*lead, *paths, n, dtype=t) for lead, t in zip(self.leads, self.dtypes, strict=True)]
+        results = [part for whole in wholes for part in _parts(whole, n, EACH if each else MEAN)]
+        _Run(self.code, inputs, inputs.columns(), results, 1.0 if each else 1 / N, wholes).whole()
+        return tuple(blocks.surfaced(whole, torch.Size([n]), each) for whole in wholes)
+
+    def gradients(self, inputs: Inputs, grads: Sequence[Tensor], wanted: tuple[bool, ...]) -> list[Tensor | None]:
+        """Of each tensor of `inputs` that is wanted, from those of the values."""
+        code = self._backward(inputs, wanted)
+        n = inputs.n_rows
+        columns = inputs.columns()
+        for grad, lead in zip(grads, self.leads, strict=True):
+            columns += _columns(grad, lead, self.kernel.per_path)
+        found: list[Tensor | None] = []
+        results: list[Result] = []
+        totals: list[tuple[Tensor, int, int]] = []
+        for x, entry, want in zip(inputs.tensors, inputs.inputs, wanted, strict=True):
+            if not want:
+                found.append(None)
+                continue
+            if entry.role != "shared" and len(x) == n:
+                count = math.prod(entry.columns)
+                whole = torch.empty(count, n, dtype=x.dtype)
+                results += _parts(whole, n, MEAN)
+                found.append(whole.T if entry.columns else whole[0])
+            else:
+                whole = torch.empty_like(x, memory_format=torch.contiguous_format)
+                totals.append((whole, len(results), whole.numel()))
+                results += [Result(0, 0, 0, TOTAL)] * whole.numel()
+                found.append(whole)
+        scale = 1.0 if self.kernel.per_path else 1 / inputs.n_paths
+        sums = _Run(code, inputs, columns, results, scale, [x for x in found if x is not None]).whole()
+        for whole, first, count in totals:
+            whole.view(-1).copy_(torch.tensor(sums[first : first + count], dtype=torch.float64) * scale)
+        return found
+
+    def _backward(self, inputs: Inputs, wanted: tuple[bool, ...]) -> Code:
+        with self.lock:
+            if wanted not in self.backward:
+                with self.announced(f"backward of {self.name}"), torch.enable_grad():
+                    program, _ = record(lambda recorder: self._derivatives(recorder, inputs, wanted))
+                    self.backward[wanted] = Code(program, self.signature.exact)
+            return self.backward[wanted]
+
+    def _derivatives(self, recorder: Recorder, inputs: Inputs, wanted: tuple[bool, ...]) -> list[Tensor]:
+        element = Element(recorder, inputs, wanted)
+        values = self._recorded(element)
+        grads = []
+        for value in values:
+            parts = [recorder.column(value.dtype) for _ in range(value.numel())]
+            grads.append(torch.stack(parts).reshape(value.shape))
+        leaves = [part for parts, want in zip(element.leaves, wanted, strict=True) if want for part in parts]
+        pairs = [(value, grad) for value, grad in zip(values, grads, strict=True) if value.requires_grad]
+        if not pairs:
+            return [torch.zeros_like(leaf) for leaf in leaves]
+        found = torch.autograd.grad([v for v, _ in pairs], leaves, [g for _, g in pairs], allow_unused=True)
+        return [torch.zeros_like(x) if grad is None else grad for x, grad in zip(leaves, found, strict=True)]
+
+    def serves(self, inputs: Inputs, wanted: tuple[bool, ...]) -> bool:
+        """Whether machine code gives these gradients."""
+        entries = [(x, entry) for x, entry, want in zip(inputs.tensors, inputs.inputs, wanted, strict=True) if want]
+        shared = sum(x.numel() for x, entry in entries if entry.role == "shared")
+        return shared <= MOST_GRADIENTS and all(entry.role in ("direction", "map", "shared") for _, entry in entries)
+
+
+class Differentiated(torch.autograd.Function):
+    """Values whose graph has one node: nothing of a kernel is stored between forward and backward but its inputs."""
+
+    @staticmethod
+    def forward(ctx: Any, program: Compiled, inputs: Inputs, *tensors: Tensor) -> tuple[Tensor, ...]:
+        ctx.program, ctx.inputs = program, inputs.without_tensors()
+        ctx.save_for_backward(*tensors)
+        return program.values(inputs)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+        inputs: Inputs = ctx.inputs.with_tensors(ctx.saved_tensors)
+        wanted = ctx.needs_input_grad[2:]
+        if torch.is_grad_enabled() or threads.bound_to_this_thread() or not ctx.program.serves(inputs, wanted):
+            return None, None, *_eagerly(ctx.program, inputs, grads, wanted)
+        return None, None, *ctx.program.gradients(inputs, grads, wanted)
+
+
+def _eagerly(
+    program: Compiled, inputs: Inputs, grads: Sequence[Tensor], wanted: tuple[bool, ...]
+) -> list[Tensor | None]:
+    """The gradients by eager code, themselves with a graph where one is wanted."""
+    again = torch.is_grad_enabled()
+    with torch.enable_grad():
+        if not again:
+            inputs = inputs.with_tensors(
+                [x.detach().requires_grad_(w) for x, w in zip(inputs.tensors, wanted, strict=True)]
+            )
+        values = blocks.run(program.kernel, *inputs.eager())
+        leaves = [x for x, want in zip(inputs.tensors, wanted, strict=True) if want]
+        pairs = [(value, grad) for value, grad in zip(values, grads, strict=True) if value.requires_grad]
+        found = iter(
+            torch.autograd.grad(
+                [v for v, _ in pairs], leaves, [g for _, g in pairs], allow_unused=True, create_graph=again
+            )
+        )
+    return [next(found) if want else None for want in wanted]
+
+
+def _parts(whole: Tensor, n_rows: int, how: int) -> list[Result]:
+    """Where each number of one element goes in (*lead, [N], rows)."""
+    size = whole.element_size()
+    path = n_rows * size if how == EACH else 0
+    step = n_rows * size * (whole.shape[-2] if how == EACH else 1)
+    count = whole.numel() * size // step if step else 0
+    return [Result(whole.data_ptr() + k * step, size, path, how) for k in range(count)]
+
+
+def _columns(grad: Tensor, lead: torch.Size, per_path: bool) -> list[Column]:
+    """The numbers of one element of a gradient (rows, [N], *lead)."""
+    size = grad.element_size()
+    row, *tail = (s * size for s in grad.stride())
+    path, tail = (tail[0], tail[1:]) if per_path else (0, tail)
+    offsets = [0]
+    for length, step in zip(lead, tail, strict=True):
+        offsets = [o + i * step for o in offsets for i in range(length)]
+    return [Column(grad.data_ptr() + o, row, path) for o in offsets]
+
+
+class _Run:
+    """One call of machine code over all rows and paths, cut among threads; `alive` is what results point into."""
+
+    def __init__(
+        self,
+        code: Code,
+        inputs: Inputs,
+        columns: list[Column],
+        results: list[Result],
+        scale: float,
+        alive: Sequence[Tensor],
+    ) -> None:
+        self.n, self.N = inputs.n_rows, inputs.n_paths
+        self.results, self.scale, self.alive = results, scale, alive
+        self.shared = inputs.shared()
+        self.call = code.prepared(columns, [x.data_ptr() for x in self.shared])
+        self.by_rows = self.N < ALONG_PATHS
+        self.sums = any(result.how == TOTAL for result in results)
+
+    def whole(self) -> list[float]:
+        """Run it; the totals of the results that are one."""
+        groups = 1 if self.by_rows else -(-self.N // PATHS)
+        n = threads.n_threads()
+        if groups == 1 and not self.sums and (n == 1 or self.n * self.N <= ELEMENTS):
+            return list(self.call.run(self.results, self.scale, (0, self.n), (0, self.N), self.by_rows))
+        return self._cut(groups, n)
+
+    def _cut(self, groups: int, n: int) -> list[float]:
+        """In parts whose sums are added up in one order, whatever thread took them."""
+        step = max(1, ELEMENTS // min(self.N, PATHS))
+        step = max(PIECE, step // PIECE * PIECE) if self.by_rows else step
+        length = -(-self.N // groups)
+        jobs = [
+            (first, min(first + step, self.n), g * length, min((g + 1) * length, self.N), g)
+            for first in range(0, self.n, step)
+            for g in range(groups)
+        ]
+        # The sums over further groups of paths stand aside until all of them are there.
+        aside = [[torch.empty_like(x) for x in self.alive] for _ in range(groups - 1)]
+        partial = [self.results, *(self._moved(tensors) for tensors in aside)]
+        totals: list[array | None] = [None] * len(jobs)
+
+        def run(i: int) -> None:
+            row, row_end, path, path_end, group = jobs[i]
+            totals[i] = self.call.run(partial[group], self.scale, (row, row_end), (path, path_end), self.by_rows)
+
+        if n == 1 or len(jobs) == 1:
+            for i in range(len(jobs)):
+                run(i)
+        else:
+            threads.share(len(jobs), run, n)
+        for tensors in aside if any(result.how == MEAN for result in self.results) else ():
+            for whole, part in zip(self.alive, tensors, strict=True):
+                whole += part
+        if not self.sums:
+            return []
+        return torch.tensor([list(part) for part in totals if part is not None], dtype=torch.float64).sum(0).tolist()
+
+    def _moved(self, tensors: Sequence[Tensor]) -> list[Result]:
+        """The results in these tensors; those of each path stay where they are."""
+
+        def moved(result: Result) -> Result:
+            for whole, other in zip(self.alive, tensors, strict=True):
+                offset = result.address - whole.data_ptr()
+                if result.how == MEAN and 0 <= offset < whole.numel() * whole.element_size():
+                    return result._replace(address=other.data_ptr() + offset)
+            return result
+
+        return [moved(result) for result in self.results]

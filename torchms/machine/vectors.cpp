@@ -1,0 +1,238 @@
+// A vector register of numbers, in the vector types of gcc and clang, and the functions of Sleef that come with torch.
+#include <cstdint>
+#include <cstring>
+
+#if defined(__AVX512F__)
+#define BYTES 64
+#elif defined(__AVX2__)
+#define BYTES 32
+#else
+#define BYTES 16
+#endif
+constexpr int LANES = BYTES / (WIDE ? 8 : 4);
+
+typedef float F __attribute__((vector_size(4 * LANES)));
+typedef double D __attribute__((vector_size(8 * LANES)));
+typedef int32_t I __attribute__((vector_size(4 * LANES)));
+typedef int64_t W __attribute__((vector_size(8 * LANES)));
+typedef char B __attribute__((vector_size(LANES)));
+#if WIDE
+typedef W M;
+#else
+typedef I M;
+#endif
+typedef float FU __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+typedef double DU __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+typedef int32_t IU __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
+typedef int64_t WU __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+typedef char BU __attribute__((vector_size(LANES), aligned(1), may_alias));
+#if defined(__GNUC__) && !defined(__clang__)
+#define UNOPTIMISED __attribute__((optimize("O0")))
+#else
+#define UNOPTIMISED
+#endif
+#define IN static inline __attribute__((always_inline))
+
+// x − 0, not x + 0: the sign of −0 is kept.
+IN F all_f(float x) { return x - F{}; }
+IN D all_d(double x) { return x - D{}; }
+IN I all_i(int32_t x) { return x + I{}; }
+IN W all_l(int64_t x) { return x + W{}; }
+IN M all_b(int64_t x) { return (decltype(M{}[0] + M{}[0]))x + M{}; }
+
+IN F load_f(const void* p, int64_t i) { return *(const FU*)((const float*)p + i); }
+IN D load_d(const void* p, int64_t i) { return *(const DU*)((const double*)p + i); }
+IN I load_i(const void* p, int64_t i) { return *(const IU*)((const int32_t*)p + i); }
+IN W load_l(const void* p, int64_t i) { return *(const WU*)((const int64_t*)p + i); }
+IN M load_b(const void* p, int64_t i) { return __builtin_convertvector(*(const BU*)((const char*)p + i), M) != 0; }
+IN void store_f(void* p, int64_t i, F x) { *(FU*)((float*)p + i) = x; }
+IN void store_d(void* p, int64_t i, D x) { *(DU*)((double*)p + i) = x; }
+IN void store_i(void* p, int64_t i, I x) { *(IU*)((int32_t*)p + i) = x; }
+IN void store_l(void* p, int64_t i, W x) { *(WU*)((int64_t*)p + i) = x; }
+
+IN M mask(I x) { return __builtin_convertvector(x, M); }
+IN M mask(W x) { return __builtin_convertvector(x, M); }
+IN F pick(M m, F a, F b) { return __builtin_convertvector(m, I) ? a : b; }
+IN I pick(M m, I a, I b) { return __builtin_convertvector(m, I) ? a : b; }
+IN D pick(M m, D a, D b) { return __builtin_convertvector(m, W) ? a : b; }
+IN W pick(M m, W a, W b) { return __builtin_convertvector(m, W) ? a : b; }
+#if WIDE
+IN M pick_b(M m, M a, M b) { return (m & a) | (~m & b); }
+#endif
+
+IN D f_to_d(F x) { return __builtin_convertvector(x, D); }
+IN F d_to_f(D x) { return __builtin_convertvector(x, F); }
+IN F i_to_f(I x) { return __builtin_convertvector(x, F); }
+IN D i_to_d(I x) { return __builtin_convertvector(x, D); }
+IN F l_to_f(W x) { return __builtin_convertvector(x, F); }
+IN D l_to_d(W x) { return __builtin_convertvector(x, D); }
+IN I l_to_i(W x) { return __builtin_convertvector(x, I); }
+IN W i_to_l(I x) { return __builtin_convertvector(x, W); }
+IN I f_to_i(F x) { return __builtin_convertvector(x, I); }
+IN W f_to_l(F x) { return __builtin_convertvector(x, W); }
+IN F b_to_f(M m) { return pick(m, all_f(1), all_f(0)); }
+IN D b_to_d(M m) { return pick(m, all_d(1), all_d(0)); }
+IN I b_to_i(M m) { return pick(m, all_i(1), all_i(0)); }
+IN W b_to_l(M m) { return pick(m, all_l(1), all_l(0)); }
+IN M f_to_b(F x) { return mask(x != 0); }
+IN M d_to_b(D x) { return mask(x != 0); }
+IN M i_to_b(I x) { return mask(x != 0); }
+IN M l_to_b(W x) { return mask(x != 0); }
+
+// The larger and the smaller; NaN if one is.
+IN F m_max(F a, F b) { return (a > b) | (a != a) ? a : b; }
+IN D m_max(D a, D b) { return (a > b) | (a != a) ? a : b; }
+IN F m_min(F a, F b) { return (a < b) | (a != a) ? a : b; }
+IN D m_min(D a, D b) { return (a < b) | (a != a) ? a : b; }
+IN I m_max(I a, I b) { return a > b ? a : b; }
+IN I m_min(I a, I b) { return a < b ? a : b; }
+IN F m_abs(F x) { return (F)((I)x & 0x7fffffff); }
+IN D m_abs(D x) { return (D)((W)x & 0x7fffffffffffffffll); }
+
+template <class V, int N> union Parts { V whole; decltype(V{}[0] + V{}[0]) each[N]; };
+
+// A function of Sleef takes a whole register: S floats, T doubles.
+#if BYTES == 64
+#define SLEEF_D(name, precision) Sleef_##name##d8_##precision
+#elif BYTES == 32
+#define SLEEF_D(name, precision) Sleef_##name##d4_##precision
+#else
+#define SLEEF_D(name, precision) Sleef_##name##d2_##precision
+#endif
+#if BYTES == 64 && !WIDE
+#define SLEEF_F(name, precision) Sleef_##name##f16_##precision
+typedef float S __attribute__((vector_size(64)));
+#elif BYTES == 64 || (BYTES == 32 && !WIDE)
+#define SLEEF_F(name, precision) Sleef_##name##f8_##precision
+typedef float S __attribute__((vector_size(32)));
+#else
+#define SLEEF_F(name, precision) Sleef_##name##f4_##precision
+typedef float S __attribute__((vector_size(16)));
+#endif
+typedef double T __attribute__((vector_size(BYTES)));
+#define FUNCTION(name, sleef, precision) \
+    extern "C" S SLEEF_F(sleef, precision)(S); \
+    extern "C" T SLEEF_D(sleef, precision)(T); \
+    IN F m_##name(F x) { \
+        S s{}; \
+        std::memcpy(&s, &x, sizeof x); \
+        s = SLEEF_F(sleef, precision)(s); \
+        std::memcpy(&x, &s, sizeof x); \
+        return x; \
+    } \
+    IN D m_##name(D x) { \
+        for (int k = 0; k < int(sizeof(D) / BYTES); k++) { \
+            T s; \
+            std::memcpy(&s, (char*)&x + k * BYTES, BYTES); \
+            s = SLEEF_D(sleef, precision)(s); \
+            std::memcpy((char*)&x + k * BYTES, &s, BYTES); \
+        } \
+        return x; \
+    }
+#define FUNCTION2(name, sleef, precision) \
+    extern "C" S SLEEF_F(sleef, precision)(S, S); \
+    extern "C" T SLEEF_D(sleef, precision)(T, T); \
+    IN F m_##name(F x, F y) { \
+        S s{}, t{}; \
+        std::memcpy(&s, &x, sizeof x); std::memcpy(&t, &y, sizeof y); \
+        s = SLEEF_F(sleef, precision)(s, t); \
+        std::memcpy(&x, &s, sizeof x); \
+        return x; \
+    } \
+    IN D m_##name(D x, D y) { \
+        for (int k = 0; k < int(sizeof(D) / BYTES); k++) { \
+            T s, t; \
+            std::memcpy(&s, (char*)&x + k * BYTES, BYTES); std::memcpy(&t, (char*)&y + k * BYTES, BYTES); \
+            s = SLEEF_D(sleef, precision)(s, t); \
+            std::memcpy((char*)&x + k * BYTES, &s, BYTES); \
+        } \
+        return x; \
+    }
+#define EACH(name) \
+    IN F m_##name(F x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name##f(x[i]); return x; } \
+    IN D m_##name(D x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name(x[i]); return x; }
+#if BYTES == 16 && !defined(__aarch64__)
+// torch has no Sleef for registers so short: one number after the other.
+#undef FUNCTION
+#undef FUNCTION2
+#define FUNCTION(name, sleef, precision) EACH(name)
+#define FUNCTION2(name, sleef, precision) \
+    IN F m_##name(F x, F y) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name##f(x[i], y[i]); return x; } \
+    IN D m_##name(D x, D y) { for (int i = 0; i < LANES; i++) x[i] = __builtin_##name(x[i], y[i]); return x; }
+#endif
+FUNCTION(exp, exp, u10)
+FUNCTION(exp2, exp2, u10)
+FUNCTION(expm1, expm1, u10)
+FUNCTION(log, log, u10)
+FUNCTION(log2, log2, u10)
+FUNCTION(log1p, log1p, u10)
+FUNCTION(sin, sin, u10)
+FUNCTION(cos, cos, u10)
+FUNCTION(tan, tan, u10)
+FUNCTION(asin, asin, u10)
+FUNCTION(acos, acos, u10)
+FUNCTION(atan, atan, u10)
+FUNCTION(sinh, sinh, u10)
+FUNCTION(cosh, cosh, u10)
+FUNCTION(tanh, tanh, u10)
+FUNCTION(erf, erf, u10)
+FUNCTION2(atan2, atan2, u10)
+FUNCTION2(pow, pow, u10)
+EACH(floor)
+EACH(ceil)
+EACH(trunc)
+
+#if BYTES == 64
+#include <immintrin.h>
+#endif
+#if BYTES == 64 && FAST && !WIDE
+// 1 / b by an estimate of 14 bits and one step of Newton's; for 0 and infinity the estimate is right, and the step is not.
+IN F inverse(F b) {
+    const __m512 r = _mm512_rcp14_ps((__m512)b);
+    const F s = (F)r + (F)r * (1 - b * (F)r);
+    return (F)_mm512_mask_mov_ps((__m512)s, _mm512_fpclass_ps_mask((__m512)b, 0x1e), r);
+}
+IN F quotient(F a, F b) { return a * inverse(b); }
+IN F m_sqrt(F x) {
+    const F r = (F)_mm512_rsqrt14_ps((__m512)x);
+    const F s = x * r;
+    const F t = s + 0.5f * r * (x - s * s);
+    return (F)_mm512_mask_mov_ps((__m512)t, _mm512_fpclass_ps_mask((__m512)x, 0x0e), (__m512)x);
+}
+IN F m_inverse_root(F x) {
+    const __m512 r = _mm512_rsqrt14_ps((__m512)x);
+    const F s = (F)r + 0.5f * (F)r * (1 - x * (F)r * (F)r);
+    return (F)_mm512_mask_mov_ps((__m512)s, _mm512_fpclass_ps_mask((__m512)x, 0x0e), r);
+}
+#else
+IN F quotient(F a, F b) { return a / b; }
+#if BYTES == 64 && !WIDE
+IN F m_sqrt(F x) { return (F)_mm512_sqrt_ps((__m512)x); }
+#elif BYTES == 64
+IN F m_sqrt(F x) { return (F)_mm256_sqrt_ps((__m256)x); }
+#else
+IN F m_sqrt(F x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_sqrtf(x[i]); return x; }
+#endif
+#endif
+IN D quotient(D a, D b) { return a / b; }
+#if !(BYTES == 64 && FAST && !WIDE)
+IN F m_inverse_root(F x) { return 1 / m_sqrt(x); }
+#endif
+#if BYTES == 64
+IN D m_sqrt(D x) {
+    union { D whole; __m512d part[sizeof(D) / 64]; } u{x};
+    for (auto& p : u.part) p = _mm512_sqrt_pd(p);
+    return u.whole;
+}
+#else
+IN D m_sqrt(D x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_sqrt(x[i]); return x; }
+#endif
+
+// Σ a_i b_i in four sums side by side, which do not wait for each other.
+template <class V, class T> static __attribute__((noinline)) V dot(const V* a, const T* b, int64_t step, int64_t count) {
+    V sum[4] = {V{}, V{}, V{}, V{}};
+    int64_t i = 0;
+    for (; i + 4 <= count; i += 4) for (int j = 0; j < 4; j++) sum[j] += a[i + j] * b[(i + j) * step];
+    for (; i < count; i++) sum[0] += a[i] * b[i * step];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}

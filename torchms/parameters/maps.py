@@ -1,0 +1,47 @@
+"""Maps of parameters beside directions: shapes that broadcast to what nobody means."""
+
+from typing import TypeVar
+
+import torch
+from torch import Tensor, nn
+
+from torchms.parameters.exchange import parameters, with_parameters
+
+M = TypeVar("M", bound=nn.Module)
+
+
+def fitted(module: M, *batches: torch.Size) -> M:
+    """`module` beside tensors of these batch shapes: where they are (H, W), a map (H, W, 1) of a parameter without channels
+    is the map (H, W); a shallow copy holds it.
+
+    Raises ValueError where two readings give different numbers: for such a map of one axis, (H, 1) beside (H), which is
+    every value with every direction if it is taken at its word; and for (H, W) of a parameter with channels beside (H, W),
+    which is W channels, not a gray map.
+    """
+    batch = batches[0]
+    try:
+        if any(other != batch for other in batches):
+            batch = torch.broadcast_shapes(*batches)
+    except RuntimeError:
+        return module
+    if not batch:
+        return module
+    maps: dict[str, Tensor] = {}
+    for name, (record, value) in parameters(module).items():
+        shape = value.shape
+        if record.channels:
+            if len(batch) > 1 and shape == batch and record.batch(value).numel() != 1:
+                raise ValueError(
+                    f"{name} of shape {tuple(shape)} beside a batch {tuple(batch)} is {shape[-1]} channels of a batch "
+                    f"{tuple(shape[:-1])}: its last axis is that of the channels. Give a map of one channel as "
+                    f"{name}[..., None], channels of every row as {name}[:, None], of every column as {name}[None]."
+                )
+        elif len(shape) == len(batch) + 1 and shape[-1] == 1 and shape[:-1] == batch and batch.numel() != 1:
+            if len(batch) == 1:
+                raise ValueError(
+                    f"{name} of shape {tuple(shape)} beside a batch {tuple(batch)} would be every value with every direction, "
+                    f"({batch[0]}, {batch[0]}). Give a value for each direction as {name}.squeeze(-1); if all pairs are "
+                    "meant, give the directions as w[None]."
+                )
+            maps[name] = value.squeeze(-1)
+    return with_parameters(module, maps)
