@@ -66,7 +66,9 @@ def test_one_program_for_any_rows(generator: torch.Generator, counted: list[str]
     assert counted[1:] == [f"backward of {counted[0]}"]
 
 
-def test_both_directions_are_announced(generator: torch.Generator, capfd: pytest.CaptureFixture[str], monkeypatch) -> None:
+def test_both_directions_are_announced(
+    generator: torch.Generator, capfd: pytest.CaptureFixture[str], monkeypatch
+) -> None:
     """The line on stderr names the backward, too."""
     monkeypatch.setattr(engine, "_programs", {})
     wi = hemisphere(5, generator)
@@ -124,7 +126,9 @@ def test_exact_rounds_like_eager(generator: torch.Generator) -> None:
     wi, wo = hemisphere(5_000, generator), hemisphere(5_000, generator)
     expected = eager(wi, wo)
     off = [
-        float(((torchms.compile(eager, verbose=False, exact=exact)(wi, wo) - expected).abs() / expected.abs()).nanmean())
+        float(
+            ((torchms.compile(eager, verbose=False, exact=exact)(wi, wo) - expected).abs() / expected.abs()).nanmean()
+        )
         for exact in (True, False)
     ]
     assert off[0] <= off[1] and off[0] < 2e-8

@@ -8,12 +8,16 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from torchms.bsdfs.rough_dielectric import RoughDielectric
+from torchms.distributions.base import EllipticDistribution
+from torchms.estimators import HeightWalk
 from torchms.fresnel.dielectric import fresnel_dielectric
 from torchms.maths.frame import Vec3, dot, reflect, refract, select
 from torchms.paths.refractive import Refractive
 from torchms.paths.vertex import Bounce
+from torchms.sampling.stream import Stream
 
+ELEMENTS = 8192
+"""Rows × paths that are evaluated at a time."""
 LEAST = 0.15
 """Share of the refractions that becomes reflections."""
 
@@ -33,9 +37,18 @@ class Balanced(Refractive):
         return Bounce(d, weight[None], crossed, torch.where(crossed, -side, side))
 
 
-class BalancedGlass(RoughDielectric):
-    """`RoughDielectric` of such facets."""
-
-    @property
-    def vertex(self) -> Balanced:
-        return Balanced(self.distribution, self.fresnel.eta)
+@torch.no_grad()
+def balanced_orders(
+    distribution: EllipticDistribution, eta: Tensor, wi: Tensor, wo: Tensor, seed: int, n_paths: int, max_order: int
+) -> Tensor:
+    """f · |cos θ_o| [1/sr] of each order (n, K), without the η² of radiance, by such walks; parameters are (n)."""
+    walks, parts = HeightWalk(max_order), []
+    ax, ay = distribution.alphas
+    for some in torch.arange(len(wi)).split(max(1, ELEMENTS // n_paths)):
+        vertex = Balanced(type(distribution)(ax[some], ay[some]), eta[some])
+        seeds = some + (seed << 32)
+        numbers = Stream(seeds, n_paths).numbers(seeds, walks.n_uniforms(vertex), wi.dtype)
+        i, o = (Vec3(*w[some][None].unbind(-1)) for w in (wi, wo))
+        values = [value.mean(1)[0] for value in walks.evaluate(vertex, i, o, numbers)]
+        parts.append(torch.stack(torch.broadcast_tensors(*values), -1))
+    return torch.cat(parts)

@@ -14,10 +14,10 @@ from torch import Tensor
 from torchms.approximations import glass_lobes, pair_features
 from torchms.approximations.coordinates import ETA
 from torchms.approximations.distil import scenes
-from torchms.approximations.distil.balanced import BalancedGlass
+from torchms.approximations.distil.balanced import balanced_orders
 from torchms.approximations.distil.command import Common, finished, run, told
 from torchms.approximations.distil.rows import KINDS
-from torchms.approximations.distil.squares import CHUNK, Net, Normal, minimised
+from torchms.approximations.distil.squares import CHUNK, Net, Normal, Term, minimised
 from torchms.bsdfs import RoughDielectric
 from torchms.estimators import HeightWalk, SingleBounce
 from torchms.fresnel import Dielectric
@@ -71,8 +71,7 @@ def block(options: Options, number: int) -> dict[str, Tensor]:
     left = plain.sample_walk(wi, Stream(4 * seed, 1))
     steep = left.wo[:, 0, 2].abs() > scenes.LEAST_COSINE
     wo = torch.where(((left.order[:, 0] > 0) & steep & (u[:, 1] < 0.55))[:, None], left.wo[:, 0], wo)
-    balanced = BalancedGlass(facets, index, HeightWalk(LONGEST), "importance")
-    values = balanced.orders(wi, wo, Stream(4 * seed + 1, options.paths))[..., 0]
+    values = balanced_orders(facets, eta, wi, wo, 4 * seed + 1, options.paths, LONGEST)
     one = RoughDielectric(facets, index, SingleBounce(), "importance").albedo(wi, Stream(4 * seed + 2, 32, "sobol"))
     energies = torch.stack([one.reflected[:, 0, 0], one.transmitted[:, 0, 0]], 1)
     f = torch.stack([values[:, 0], values[:, 1:].sum(1)], 1)
@@ -96,7 +95,7 @@ def inputs(kind: str, data: dict[str, Tensor], up: bool) -> tuple[Tensor, Tensor
     return some, torch.stack(torch.broadcast_tensors(*found), -1)
 
 
-class Rest:
+class Rest(Term):
     """Squares of the errors over the whole lobe at the place, or over its root mean square on that side."""
 
     def __init__(
