@@ -10,7 +10,7 @@ from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
 from torchms.estimators import HeightWalk
-from torchms.fresnel.dielectric import fresnel_dielectric
+from torchms.fresnel.dielectric import Dielectric
 from torchms.maths.frame import Vec3, dot, reflect, refract, select
 from torchms.paths.refractive import Refractive
 from torchms.paths.vertex import Bounce
@@ -26,15 +26,14 @@ LEAST = 0.15
 class Balanced(Refractive):
     """Facets that reflect with probability F + LEAST (1 − F). For values only: its weights have no gradient."""
 
-    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor | None) -> Bounce:
-        assert side is not None
-        eta = self.relative_eta(side)
-        F, _ = fresnel_dielectric(dot(w, normal).clamp(0.0, 1.0), eta)
+    def sample(self, w: Vec3, normal: Vec3, numbers: tuple[Tensor, ...], side: Tensor) -> Bounce[Tensor]:
+        eta = self.fresnel.relative_eta(side)
+        F = self.reflectance(dot(w, normal), side)[0]
         often = F + LEAST * (1 - F)
         crossed = numbers[0] >= often
         d = select(crossed, -refract(w, normal, eta), reflect(w, normal))
         weight = torch.where(crossed, 1 / (1 - LEAST), F / often)
-        return Bounce(d, weight[None], crossed, torch.where(crossed, -side, side))
+        return Bounce(d, weight[None], torch.where(crossed, -side, side))
 
 
 @torch.no_grad()
@@ -45,7 +44,7 @@ def balanced_orders(
     walks, parts = HeightWalk(max_order), []
     ax, ay = distribution.alphas
     for some in torch.arange(len(wi)).split(max(1, ELEMENTS // n_paths)):
-        vertex = Balanced(type(distribution)(ax[some], ay[some]), eta[some])
+        vertex = Balanced(type(distribution)(ax[some], ay[some]), Dielectric(eta[some]))
         seeds = some + (seed << 32)
         numbers = Stream(seeds, n_paths).numbers(seeds, walks.n_uniforms(vertex), wi.dtype)
         i, o = (Vec3(*w[some][None].unbind(-1)) for w in (wi, wo))
