@@ -49,7 +49,7 @@ class Distilled(Scattering):
     exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
     Reciprocal (for glass with the squares of the indices), positive and symmetric by construction. Energies are learned:
     a diffuse furnace is white to 1e-3 up to α = 0.5, to 3e-3 at α = 1 or for axes of a ratio up to 10; glass keeps energy
-    to about 0.01 for α ≤ 0.4, and only to some 0.05 at α = 1, at grazing incidence and for an index next to 1.
+    to about 0.01 (grazing 0.02) for α ≤ 0.4, and only to some 0.05 at α = 1, the more at grazing incidence.
     table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
