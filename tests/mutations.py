@@ -178,8 +178,8 @@ FAULTS = (
     Fault(
         "guards that machine code leaves out",
         "machine/simplify.py",
-        "if name == (\"and\" if is_true else \"or\"):",
-        "if name in (\"and\", \"or\"):",
+        'if name == ("and" if is_true else "or"):',
+        'if name in ("and", "or"):',
         ("tests/unit/test_engine.py", "-k", "hard_numbers"),
     ),
     Fault(

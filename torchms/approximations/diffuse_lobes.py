@@ -77,7 +77,8 @@ class DiffuseLobes(nn.Module):
         cos = wo.z / math.pi
         one, two, three, others = (torch.exp(x.clamp(*EXPONENT)) for x in (first, second, third, rest))
         values = smith(distribution, i, o) * one, two, three, others
-        return [value * cos for value in values], torch.sigmoid(fall)
+        # λ stays below 1, where no light would ever be lost.
+        return [value * cos for value in values], torch.sigmoid(fall.clamp(-12.0, 4.0))
 
     def evaluate(self, vertex: Diffuse, wi: Vec3, wo: Vec3) -> list[Tensor]:
         """f · cos θ_o [1/sr] of the orders 1, 2, 3 and of all others together, each (C, 1, …)."""

@@ -142,7 +142,7 @@ class GlassLobes(nn.Module):
         w, side, _ = vertex.enter(wi)
         d, there, _ = vertex.enter(wo)
         assert side is not None and there is not None
-        eta = vertex.relative_eta(side)
+        eta = vertex.fresnel.relative_eta(side)
         log_eta = torch.log(eta)
         shape = pair.shape_of(distribution)
         i, o = pair.seen(distribution, pair.above(w)), pair.seen(distribution, pair.above(d))

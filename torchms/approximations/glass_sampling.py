@@ -54,4 +54,4 @@ class GlassRest(Proposal):
         assert isinstance(distribution, EllipticDistribution)
         names = ("alpha",) if distribution.alpha_y is None else ("alpha", "alpha_y")
         wider = with_parameters(distribution, {name: WIDER * getattr(distribution, name) for name in names})
-        return DielectricProposal(Refractive(wider, self.vertex.eta))
+        return DielectricProposal(Refractive(wider, self.vertex.fresnel))

@@ -11,7 +11,7 @@ from torchms.approximations import diffuse_lobes, pair_features
 from torchms.approximations.distil import scenes
 from torchms.approximations.distil.command import Common, finished, run, told
 from torchms.approximations.distil.rows import KINDS
-from torchms.approximations.distil.squares import CHUNK, Net, Normal, minimised
+from torchms.approximations.distil.squares import CHUNK, Net, Normal, Term, minimised
 from torchms.bsdfs import RoughDiffuse
 from torchms.estimators import Bidirectional, Unidirectional
 from torchms.maths.frame import split
@@ -99,7 +99,7 @@ def lobes(outputs: Tensor, smith: Tensor) -> tuple[Tensor, Tensor]:
     return torch.cat([(q[:, 0] * smith)[:, None], q[:, 1:]], 1), torch.sigmoid(outputs[:, 4])
 
 
-class Lobes:
+class Lobes(Term):
     """Squares of the errors of each order over the lobe, heavier where directions are steep: what its RMS sees."""
 
     def __init__(self, net: Net, x: Tensor, smith: Tensor, y: Tensor, cosines: Tensor, rows: int, seed: int) -> None:
@@ -139,7 +139,7 @@ class Lobes:
         )
 
 
-class Furnace:
+class Furnace(Term):
     """Squares of what the energies of all orders at albedo 1 lack."""
 
     def __init__(self, net: Net, x: Tensor, smith: Tensor, weights: Tensor, factor: float) -> None:

@@ -1,9 +1,10 @@
 """Levenberg–Marquardt for a small network of several outputs, with a linear part beside it."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -112,15 +113,18 @@ class Normal(NamedTuple):
     value: float
 
 
-class Term(Protocol):
+class Term(ABC):
     """A mean of squares, of rows that are drawn anew for each step."""
 
+    @abstractmethod
     def redraw(self, vector: Tensor, step: int) -> None:
         """Choose the rows of this step, and hold their weights."""
 
+    @abstractmethod
     def normal(self, vector: Tensor) -> Normal:
         """Its linearisation."""
 
+    @abstractmethod
     def value(self, vector: Tensor) -> float:
         """What it is."""
 
