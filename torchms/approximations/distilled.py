@@ -43,23 +43,19 @@ REMEDY = "Use HeightWalk(), which is exact, or KullaConty()."
 class Distilled(Scattering):
     """All bounces without noise and without random numbers, learned from the exact estimators.
 
-        Metal: index 0 of the orders is one bounce, exact; 1 and 2 are two and three bounces; 3 is all from four on together.
-        Any Fresnel term: each order meets facets at one effective cosine, which is exact to first order in the variation of F.
-        Diffuse: the same orders, the first one included, with the albedo to the power of each. Glass: index 0 is one bounce,
-        exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
-    <<<<<<< HEAD
-        Reciprocal (for glass with the squares of the indices), positive and symmetric by construction; energies add up to 1
-        as far as the certificate in `certificates` says. Lobes of metal are off by 0.5 % of their root mean square in the median
-        and by up to 2 % for round surfaces, 5 % for α = (1, 0.1) and 9 % at worst; energies by 0.1 % in the median, 0.5 % at most
-        for round surfaces with α ≥ 0.25, and several per cent at grazing angles and for extreme anisotropy.
-    =======
-        Reciprocal (for glass with the squares of the indices), positive and symmetric by construction. Energies are learned:
-        a diffuse furnace is white to 1e-3 up to α = 0.5, to 3e-3 at α = 1 or for axes of a ratio up to 10; glass keeps energy
-        to about 0.01 (grazing 0.02) for α ≤ 0.4, and only to some 0.05 at α = 1, the more at grazing incidence.
-    >>>>>>> distilled-glass
-        table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of
-        torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
-        facets of which no file is are refused with a ValueError.
+    Metal: index 0 of the orders is one bounce, exact; 1 and 2 are two and three bounces; 3 is all from four on together.
+    Any Fresnel term: each order meets facets at one effective cosine, which is exact to first order in the variation of F.
+    Diffuse: the same orders, the first one included, with the albedo to the power of each. Glass: index 0 is one bounce,
+    exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
+    Reciprocal (for glass with the squares of the indices), positive and symmetric by construction. Energies are learned.
+    Lobes of metal are off by 0.5 % of their root mean square in the median and by up to 2 % for round surfaces, 5 % for
+    α = (1, 0.1) and 9 % at worst; energies by 0.1 % in the median, 0.5 % at most for round surfaces with α ≥ 0.25, and
+    several per cent at grazing angles and for extreme anisotropy. A diffuse furnace is white to 1e-3 up to α = 0.5, to 3e-3
+    at α = 1 or for axes of a ratio up to 10; glass keeps energy to about 0.01 (grazing 0.02) for α ≤ 0.4, and only to some
+    0.05 at α = 1, the more at grazing incidence.
+    table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of
+    torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
+    facets of which no file is are refused with a ValueError.
     """
 
     sources = ("Wang2022", "Cui2023")

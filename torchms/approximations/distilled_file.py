@@ -26,13 +26,8 @@ MOST_LAYERS = 8
 class Distillate(NamedTuple):
     """What a file holds.
 
-        facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
-    <<<<<<< HEAD
-        roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
-    =======
-        roughness it was trained for.
-        layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
-    >>>>>>> distilled-glass
+    facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
+    roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
     """
 
     facet: str
