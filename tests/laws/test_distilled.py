@@ -91,7 +91,7 @@ def test_equal_roughnesses_are_isotropic(scattering, distribution, generator):
 
 
 FURNACE = {
-    **dict.fromkeys([(0.25,), (0.5,), (1.0,)], 5e-3),
+    **dict.fromkeys([(0.25,), (0.5,), (1.0,)], 0.012),
     **dict.fromkeys([(0.03,), (0.1,), (0.5, 0.15), (1.0, 0.3)], 0.04),
     **dict.fromkeys([(1.0, 0.1), (0.03, 1.0)], 0.3),
 }

@@ -49,7 +49,7 @@ class Distilled(Scattering):
     exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
     Reciprocal (for glass with the squares of the indices), positive and symmetric by construction. Energies are learned.
     Lobes of metal are off by 0.5 % of their root mean square in the median and by up to 2 % for round surfaces, 5 % for
-    α = (1, 0.1) and 9 % at worst; energies by 0.1 % in the median, 0.5 % at most for round surfaces with α ≥ 0.25, and
+    α = (1, 0.1) and 9 % at worst; energies by 0.1 % in the median, 1.1 % at most for round surfaces with α ≥ 0.25, and
     several per cent at grazing angles and for extreme anisotropy. A diffuse furnace is white to 1e-3 up to α = 0.5, to 3e-3
     at α = 1 or for axes of a ratio up to 10; glass keeps energy to about 0.01 (grazing 0.02) for α ≤ 0.4, and only to some
     0.05 at α = 1, the more at grazing incidence.
