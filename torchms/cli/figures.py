@@ -12,6 +12,8 @@ from torchms.cli.arguments import check_angles, parse_count
 from torchms.cli.description import described
 from torchms.cli.options import FiguresOptions
 from torchms.cli.simulate import TRACERS, exactly_described
+from torchms.distributions.base import EllipticDistribution
+from torchms.fresnel import Dielectric
 from torchms.lobes import Tally
 from torchms.microsurface.rays.tracer import Tracer
 from torchms.microsurface.simulation.comparison import SIMULATION, Case, energies, plane_of_incidence
@@ -80,10 +82,12 @@ def cases_of(options: FiguresOptions) -> list[Case]:
     """A column each; ValueError for a surface whose normals are not Beckmann's."""
     exact = exactly_described(options)
     surfaces_of(exact.distribution)
+    assert isinstance(exact.distribution, EllipticDistribution)
     # Numbers as they were written: to float64 they are the same again.
     ax, ay = (float(a) for a in exact.distribution.alphas)
     material = material_of(exact)
-    eta = float(exact.fresnel.eta) if material == "dielectric" else options.eta
+    fresnel = getattr(exact, "fresnel", None)
+    eta = float(fresnel.eta) if isinstance(fresnel, Dielectric) and material == "dielectric" else options.eta
     usual = options.bsdf is None and options.metal is None and options.albedo == 1
     bsdf = None if usual else described(options)
     return [Case(material, (ax, ay), theta, options.phi, eta, options.max_order, bsdf) for theta in options.theta]

@@ -7,7 +7,7 @@ magnitude slower, because every intermediate is a fresh allocation. Blocks run s
 import itertools
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import torch
@@ -215,7 +215,9 @@ class _Results:
 
     def _joined(self, row: int) -> list[Tensor]:
         """The parts of the paths of one block of rows, added up or side by side, always in the same order."""
-        columns = zip(*(self.pieces[row, path] for path in range(len(self.paths))), strict=True)
+        columns: Iterator[tuple[Tensor, ...]] = zip(
+            *(self.pieces[row, path] for path in range(len(self.paths))), strict=True
+        )
         size = self.rows[row]
         if not self.per_path:
             return [sum(column[1:], column[0]) for column in columns]

@@ -129,6 +129,7 @@ class Streamed(Source):
 
     def numbers(self, ndim: int = 1) -> Sequence[Tensor]:
         seeds = self.seeds
+        assert seeds is not None and self.device is not None
         if isinstance(seeds, range):
             seeds = self.stream.block(torch.Size((seeds.stop,)), slice(seeds.start, seeds.stop), self.device)
         return self.stream.numbers(seeds, self.n_uniforms, self.dtype, self.taken)

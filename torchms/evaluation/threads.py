@@ -11,6 +11,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 
 import torch
+from torch._C._autograd import _saved_tensors_hooks_is_enabled, _top_saved_tensors_default_hooks
+from torch._C._functorch import peek_interpreter_stack
 from torch.autograd import forward_ad
 
 _lock = threading.Lock()
@@ -64,12 +66,12 @@ def n_threads() -> int:
 def bound_to_this_thread() -> bool:
     """Whether something is in force, in this thread, that other threads would not know of: a transform, a mode, a hook."""
     return (
-        torch._C._functorch.peek_interpreter_stack() is not None
+        peek_interpreter_stack() is not None
         or torch._C._len_torch_dispatch_stack() > 0
         or torch._C._len_torch_function_stack() > 0
         or forward_ad._current_level >= 0
-        or torch._C._autograd._saved_tensors_hooks_is_enabled() is False
-        or torch._C._autograd._top_saved_tensors_default_hooks(True) is not None
+        or _saved_tensors_hooks_is_enabled() is False
+        or _top_saved_tensors_default_hooks(True) is not None
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch._decomp import decomposition_table
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves, tree_map
 
@@ -110,7 +111,7 @@ class Recorder(TorchDispatchMode):
         return out
 
     def _decomposed(self, func: Any, args: Any, kwargs: Any) -> Any:
-        decomposition = torch._decomp.decomposition_table.get(func)
+        decomposition = decomposition_table.get(func)
         with self:
             # What decompositions call may be made of other operations itself, as `to` is.
             found = func.decompose(*args, **kwargs) if decomposition is None else decomposition(*args, **kwargs)

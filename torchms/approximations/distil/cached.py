@@ -3,6 +3,7 @@
 import io
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,7 +24,8 @@ def blocks(
         path = folder / f"block-{number:05d}.npz"
         if not path.exists():
             file = io.BytesIO()
-            np.savez(file, **{name: x.numpy() for name, x in made(number).items()})
+            arrays: dict[str, Any] = {name: x.numpy() for name, x in made(number).items()}
+            np.savez(file, **arrays)
             write_whole(path, file.getvalue(), force=True)
         parts.append(read_arrays(path, MOST_BYTES))
         advance(1)

@@ -186,7 +186,9 @@ def furnace_points(kind: str, alpha: tuple[float, float], seed: int) -> tuple[Te
     wo = torch.stack(torch.broadcast_tensors(r[:, None] * cos, r[:, None] * sin, z[:, None]), -1).reshape(-1, 3)
     weights = ((z * dz)[:, None] * (2 / TURNS)).expand(POLAR, TURNS).flatten().repeat(CELLS)
     many = [v.repeat_interleave(POLAR * TURNS, 0) for v in (ax, ay, wi)]
-    return *inputs(kind, *many, wo), weights
+    ax, ay, wi = many
+    x, smith = inputs(kind, ax, ay, wi, wo)
+    return x, smith, weights
 
 
 def main(options: Options) -> None:

@@ -55,7 +55,8 @@ def lobe_errors(lobes: MetalLobes, kind: str, where: Rows, seed: int, points: in
     wo = Vec3(wo.x, wo.y, wo.z.clamp_min(LEAST_COSINE))
     density = proposal.density(wi, wo)
     rows = Rows(
-        *(x.expand(count, points).reshape(-1) for x in (where.ax[:, None], where.ay[:, None])),
+        where.ax[:, None].expand(count, points).reshape(-1),
+        where.ay[:, None].expand(count, points).reshape(-1),
         where.wi[:, None].expand(count, points, 3).reshape(-1, 3),
         join(wo).reshape(-1, 3),
     )

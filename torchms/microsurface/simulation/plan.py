@@ -105,8 +105,9 @@ class Plan:
     def shards(self) -> tuple[Shard, ...]:
         """All shards, surface by surface; rays are shared out evenly among the surfaces."""
         out: list[Shard] = []
+        n_rays = int(self.n_rays)
         for s in range(self.n_surfaces):
-            rays = self.n_rays // self.n_surfaces + (s < self.n_rays % self.n_surfaces)
+            rays = n_rays // self.n_surfaces + (s < n_rays % self.n_surfaces)
             parts = math.ceil(rays / self.rays_per_shard)
             if self.n_surfaces == 1:
                 parts = max(parts, min(GROUPS_OF_ONE_SURFACE, rays))
