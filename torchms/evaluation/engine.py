@@ -25,6 +25,8 @@ from torchms.parameters.declared import Parametric
 from torchms.sampling.stream import Stream
 
 MOST_PROGRAMS = 256
+MOST_RECENT = 32
+"""Calls of a BSDF that are remembered: of its kernels, on batches of several shapes."""
 
 _programs: dict[Signature, Compiled | None] = {}
 """Those of this process, for all BSDFs of the same structure; None where there can be no machine code."""
@@ -41,7 +43,7 @@ class Engine:
     def __init__(self, verbose: bool, exact: bool = False) -> None:
         self.verbose, self.exact = verbose, exact
         self.compiled: dict[Signature, Compiled | None] = {}
-        self.last: dict[str, Recent] = {}
+        self.last: dict[tuple[Any, ...], Recent] = {}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Engine":
         return Engine(self.verbose, self.exact)
@@ -76,7 +78,7 @@ class Engine:
 
     def recent(self, kernel: Kernel, bsdf: Parametric, given: tuple[Any, ...], u: Any) -> Recent | None:
         """The last call of this kernel, if a call with these arguments is like it."""
-        last = self.last.get(kernel.name)
+        last = self.last.get(_likeness(kernel, given))
         if last is None or torch.compiler.is_compiling() or threads.bound_to_this_thread():
             return None
         return last if last.fits(bsdf, given, u if last.numbers is not None else None) else None
@@ -103,7 +105,9 @@ class Engine:
             return
         last = Recent(kernel, bsdf, tuple(directions), inputs, batch, program)
         if last.snapshot.comparable:
-            self.last[kernel.name] = last
+            while len(self.last) >= MOST_RECENT:
+                del self.last[next(iter(self.last))]
+            self.last[_likeness(kernel, directions)] = last
 
     def _program(self, kernel: Kernel, bsdf: Parametric, inputs: Inputs) -> Compiled | None:
         """The program for these inputs, which is made if there is none."""
@@ -133,6 +137,11 @@ class Engine:
     def announced(self, what: str) -> "_Announced":
         """Shows on stderr what is being compiled, and how long it took."""
         return _Announced(what if self.verbose else "")
+
+
+def _likeness(kernel: Kernel, given: Sequence[Any]) -> tuple[Any, ...]:
+    """By what the last call like another one is found."""
+    return kernel.name, torch.is_grad_enabled(), *(getattr(x, "shape", None) for x in given)
 
 
 class _Announced:
