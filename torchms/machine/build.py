@@ -1,5 +1,6 @@
 """C++ into machine code: the compiler, and a cache of what it made on disk."""
 
+import atexit
 import ctypes
 import hashlib
 import os
@@ -56,10 +57,25 @@ def _command() -> tuple[str, ...]:
 
 
 def folder() -> Path:
-    """Where machine code is kept between processes."""
+    """Where machine code is kept between processes; for this one only, where others could put theirs in its place."""
     from torch._inductor.runtime.cache_dir_utils import cache_dir
 
-    return Path(cache_dir()) / "torchms"
+    kept = Path(cache_dir()) / "torchms"
+    kept.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return kept if is_private(kept) else _temporary()
+
+
+def is_private(path: Path) -> bool:
+    """Whether only this user may write in the folder; code is loaded from no other."""
+    state = path.stat()
+    return not hasattr(os, "getuid") or (state.st_uid == os.getuid() and not state.st_mode & 0o022)
+
+
+@cache
+def _temporary() -> Path:
+    place = tempfile.TemporaryDirectory(prefix="torchms-")
+    atexit.register(place.cleanup)
+    return Path(place.name)
 
 
 def built(source: str, exact: bool) -> ctypes.CDLL:
@@ -75,7 +91,6 @@ def built(source: str, exact: bool) -> ctypes.CDLL:
             return ctypes.CDLL(str(path))
         except OSError:
             pass  # cut short by a full disk, or of another system
-    path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=path.parent) as place:
         text, library = Path(place) / "program.cpp", Path(place) / "program.so"
         text.write_text(source)
