@@ -40,8 +40,8 @@ class RoughDielectric(BSDF):
         super().__init__()
         if not isinstance(fresnel, Interface):
             raise TypeError(
-                "RoughDielectric(fresnel=...) must be torchms.fresnel.Dielectric(eta), or another torchms.fresnel.Interface "
-                f"that light passes; got {fresnel!r}."
+                "RoughDielectric(fresnel=...) must be a torchms.fresnel.Interface that light passes, such as Dielectric(eta); "
+                f"got {fresnel!r}."
             )
         if mode not in MODES:
             raise ValueError(f"RoughDielectric(mode=...) must be one of {', '.join(MODES)}; got {mode!r}.")

@@ -49,9 +49,11 @@ def check_values(module: nn.Module | None, directions: Mapping[str, Tensor], u: 
         return
     given = directions if not isinstance(u, Tensor) else {**directions, "u": u}
     known = {name: x for name, x in given.items() if x.numel() and not _has_no_values(x)}
+    # Beside fake directions nothing can be read, parameters that have values neither.
+    traced = not all(has_values(x) for x in directions.values())
     with torch.no_grad():
         bad = {name: _strays(x) if name in directions else _leaves(x) for name, x in known.items()}
-        declared = {} if module is None else parameters(module)
+        declared = {} if module is None or traced else parameters(module)
         held = {name: p for name, p in declared.items() if p.value.numel() and not _has_no_values(p.value)}
         bad |= {name: _out_of_range(record, value.detach()) for name, (record, value) in held.items()}
         waiting = [x for x in bad.values() if isinstance(x, Tensor)]

@@ -4,6 +4,7 @@ Eager kernels run fastest on 4 k – 16 k numbers at a time; over millions of ro
 magnitude slower, because every intermediate is a fresh allocation. Blocks run side by side, one a thread.
 """
 
+import functools
 import itertools
 import math
 import threading
@@ -220,7 +221,7 @@ class _Results:
         )
         size = self.rows[row]
         if not self.per_path:
-            return [sum(column[1:], column[0]) for column in columns]
+            return [functools.reduce(torch.add, column) for column in columns]
         lengths = [paths.stop - paths.start for paths in self.paths]
         return [
             torch.cat([out.expand(*out.shape[:-2], n, size) for out, n in zip(column, lengths, strict=True)], -2)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 
 import torch
-from torch._C._autograd import _saved_tensors_hooks_is_enabled, _top_saved_tensors_default_hooks
+from torch._C._autograd import _saved_tensors_hooks_get_disabled_error_message, _top_saved_tensors_default_hooks
 from torch._C._functorch import peek_interpreter_stack
 from torch.autograd import forward_ad
 
@@ -70,7 +70,7 @@ def bound_to_this_thread() -> bool:
         or torch._C._len_torch_dispatch_stack() > 0
         or torch._C._len_torch_function_stack() > 0
         or forward_ad._current_level >= 0
-        or _saved_tensors_hooks_is_enabled() is False
+        or _saved_tensors_hooks_get_disabled_error_message() is not None
         or _top_saved_tensors_default_hooks(True) is not None
     )
 

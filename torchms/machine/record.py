@@ -13,8 +13,9 @@ from torch._decomp import decomposition_table
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves, tree_map
 
-from torchms.machine.operations import Values, computed, knows
+from torchms.machine.operations import computed, knows
 from torchms.machine.program import KINDS, Program
+from torchms.machine.values import Values
 
 
 class UnknownOperation(NotImplementedError):

@@ -1,5 +1,6 @@
 """Results on disk: written whole or not at all, and never over something else without being told."""
 
+import errno
 import glob
 import json
 import os
@@ -24,6 +25,8 @@ def check_writable(path: str | Path, force: bool) -> Path:
     path = _allowed(Path(path), force)
     probe = _temporary(path)
     try:
+        if not os.access(path.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         probe.open("xb").close()
     except OSError as error:
         raise PermissionError(

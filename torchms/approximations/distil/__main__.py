@@ -124,20 +124,25 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
         options.held_out_points,
         options.held_out_paths,
     )
-    certificate = {
+    certificate = certified(options, told, len(targets), errors)
+    files.write(options.out, files.Distillate("metal", kind, options.alpha, layers, skip, certificate), options.force)
+    for name, values in errors.items():
+        print(f"{name}: {values}")
+    print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+def certified(options: Options, told: dict[str, Any], rows: int, errors: dict[str, Any]) -> dict[str, Any]:
+    """What the file says of how it was made, and of how good it is."""
+    return {
         "command": command(options),
         "torchms": __version__,
         "torch": torch.__version__,
         "commit": commit(),
         "options": told | {"alpha": list(options.alpha), "widths": list(options.widths)},
-        "rows": len(targets),
-        "paths": len(targets) * 2 * sum(options.paths),
+        "rows": rows,
+        "paths": rows * 2 * sum(options.paths),
         "held_out": errors,
     }
-    files.write(options.out, files.Distillate("metal", kind, options.alpha, layers, skip, certificate), options.force)
-    for name, values in errors.items():
-        print(f"{name}: {values}")
-    print(f"{options.out}: {options.out.stat().st_size} bytes")
 
 
 def check(options: Options) -> None:
