@@ -118,7 +118,7 @@ class GlassLobes(nn.Module):
 
     def walk(self, vertex: Refractive, wi: Vec3, u: Sequence[Tensor]) -> Iterator[Exit]:
         """One bounce, and a direction in which the rest leaves, chosen beforehand about as often as it does."""
-        _, side, ours = vertex.enter(wi)
+        _, side, served = vertex.enter(wi)
         proposal = GlassRest(vertex)
         again = proposal.share(wi)
         (first,) = self.single.walk(vertex, wi, u)
@@ -126,9 +126,9 @@ class GlassLobes(nn.Module):
         yield Exit(first.d, first.weight * (first.escapes / (1 - again)), escapes, first.transmitted)
         d = proposal.sample(wi, u[1 + vertex.n_uniforms :])
         density = proposal.density(wi, d)
-        met = ours & (density > 0)
-        value = self.rest(vertex, wi, d) / (torch.where(met, density, 1.0) * again)
-        weight = torch.where(met, value, 0.0)[None]
+        can_leave = served & (density > 0)
+        value = self.rest(vertex, wi, d) / (torch.where(can_leave, density, 1.0) * again)
+        weight = torch.where(can_leave, value, 0.0)[None]
         escapes = again.expand_as(first.escapes)
         transmitted = (d.z > 0) != (side > 0)
         yield Exit(d, weight, escapes, transmitted)
