@@ -1,5 +1,6 @@
 """The segment that draws its heights: the walk of [Heitz2016], leg by leg."""
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -40,9 +41,14 @@ class RandomHeight(Segment):
     def _on_side_of(self, leg: Leg, log_U: Tensor) -> Tensor:
         if leg.crossed is None:
             return log_U
-        # ln(1 − U), kept finite at U = 1.
-        other = log1p(-torch.exp(log_U.clamp_max(-torch.finfo(log_U.dtype).eps)))
-        return torch.where(leg.crossed, other, log_U)
+        return torch.where(leg.crossed, self._other_side(log_U), log_U)
+
+    def _other_side(self, log_U: Tensor) -> Tensor:
+        """ln(1 − U), kept finite at U = 1. Light that grazes collides where U is next to 1, and 1 − U would cancel."""
+        log_U = log_U.clamp_max(-(torch.finfo(log_U.dtype).eps ** 2))
+        high = log_U > -math.log(2)
+        near, far = torch.where(high, log_U, -1.0), torch.where(high, -1.0, log_U)
+        return torch.where(high, torch.log(-expm1(near)), log1p(-torch.exp(far)))
 
     def _descend(self, state: HeightState, leg: Leg) -> HeightState:
         """Collide somewhere along `leg`: U' = U · q^(∓1 / Λ), q uniform in (U^Λ, 1) going up, in (0, 1) going down."""
