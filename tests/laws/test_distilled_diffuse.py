@@ -149,7 +149,7 @@ def lobe_error(distribution: str, alpha: tuple[float, ...], theta: float, points
 @pytest.mark.parametrize("alpha,theta", CELLS)
 def test_lobes_are_those_of_the_exact_model(alpha, theta, scattering, distribution, seed):
     """RMS of the lobe's error within 1 % of its RMS, by two references whose noise does not add to the error."""
-    for error, spread in lobe_error(distribution, alpha, theta, 120, 200, seed):
+    for error, spread in lobe_error(distribution, alpha, theta, 120, 320, seed):
         assert error < LOBE**2 + 4 * spread, (math.sqrt(max(error, 0)), spread)
         assert spread < LOBE**2, "the references are too noisy to judge"
 

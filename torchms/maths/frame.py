@@ -60,7 +60,7 @@ def join(v: Vec3) -> Tensor:
     return torch.stack(torch.broadcast_tensors(*v), dim=-1)
 
 
-def direction(theta: float, phi: float = 0.0, dtype: torch.dtype = torch.float64) -> Tensor:
+def direction(theta: float | int, phi: float | int = 0.0, dtype: torch.dtype = torch.float64) -> Tensor:
     """The unit vector (3,) at `theta` from the normal and azimuth `phi` [rad]."""
     sin = math.sin(theta)
     return torch.tensor([sin * math.cos(phi), sin * math.sin(phi), math.cos(theta)], dtype=dtype)
