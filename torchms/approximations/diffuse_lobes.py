@@ -36,19 +36,7 @@ def features(shape: pair.Shape, i: pair.Seen, o: pair.Seen) -> list[Tensor]:
     along, across, stretched = pair.facing(shape, i, o)
     z = i.w.z * o.w.z
     return [
-        i.w.z + o.w.z,
-        z,
-        i.masking + o.masking,
-        i.masking * o.masking,
-        along,
-        stretched,
-        shape.log,
-        shape.sum,
-        shape.q * shape.q,
-        pair.slanted(shape, i.w) + pair.slanted(shape, o.w),
-        across,
-        i.height + o.height,
-        i.height * o.height,
+        *pair.shared(shape, i, o, along, across, stretched),
         torch.sqrt((along + z + 1.0001) * 0.5),
     ]
 

@@ -41,19 +41,7 @@ def reflected_features(shape: pair.Shape, log_eta: Tensor, i: pair.Seen, o: pair
     # The square root of Fresnel's reflectance at normal incidence.
     amplitude = torch.tanh(log_eta / 2)
     return [
-        i.w.z + o.w.z,
-        i.w.z * o.w.z,
-        i.masking + o.masking,
-        i.masking * o.masking,
-        along,
-        stretched,
-        shape.log,
-        shape.sum,
-        shape.q * shape.q,
-        pair.slanted(shape, i.w) + pair.slanted(shape, o.w),
-        across,
-        i.height + o.height,
-        i.height * o.height,
+        *pair.shared(shape, i, o, along, across, stretched),
         form,
         height,
         torch.sqrt(cos2 + 1e-4),

@@ -86,3 +86,22 @@ def half_vector_features(shape: Shape, p: Vec3) -> tuple[Tensor, Tensor, Tensor]
     ratio = shape.ax / shape.ay
     form = x2 / ratio + y2 * ratio + z2 * (shape.ax * shape.ay) + least
     return torch.log(form / length2), p.z * torch.rsqrt(length2), length2
+
+
+def shared(shape: Shape, i: Seen, o: Seen, along: Tensor, across: Tensor, stretched: Tensor) -> list[Tensor]:
+    """The features that the networks of diffuse facets and of glass have in common, from those of `facing`."""
+    return [
+        i.w.z + o.w.z,
+        i.w.z * o.w.z,
+        i.masking + o.masking,
+        i.masking * o.masking,
+        along,
+        stretched,
+        shape.log,
+        shape.sum,
+        shape.q * shape.q,
+        slanted(shape, i.w) + slanted(shape, o.w),
+        across,
+        i.height + o.height,
+        i.height * o.height,
+    ]

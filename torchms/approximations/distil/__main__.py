@@ -1,17 +1,15 @@
 """python -m torchms.approximations.distil: from a seed to a file of lobes for `Distilled`."""
 
 import os
-import subprocess
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import torch
-import tyro
 
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil import blocks, energies, held_out, refinement, training
+from torchms.approximations.distil.command import commit, run
 from torchms.approximations.distil.weights import Weights
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.cli.progress import progress_bar
@@ -173,24 +171,5 @@ def command(options: Options) -> str:
     return " ".join(words)
 
 
-def commit() -> str:
-    """Of the repository that this is run in; "" outside of one."""
-    command = ["git", "describe", "--always", "--dirty"]
-    try:
-        return subprocess.run(
-            command, capture_output=True, text=True, cwd=Path(__file__).parent, check=True
-        ).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return ""
-
-
 if __name__ == "__main__":
-    torch.set_num_threads(int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1)))
-    try:
-        main(tyro.cli(Options))
-    except (ValueError, OSError) as error:
-        print(f"distil: error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("distil: interrupted; call it again with the same options to go on.", file=sys.stderr)
-        sys.exit(130)
+    run(main, Options)

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields
@@ -13,7 +14,6 @@ import tyro
 from torch import Tensor
 
 from torchms.approximations import distilled_file as files
-from torchms.approximations.distil.__main__ import commit
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.cached import blocks
 from torchms.approximations.network import Layer
@@ -74,7 +74,7 @@ class Common:
         print(f"{out}: {out.stat().st_size} bytes; {errors}")
 
 
-C = TypeVar("C", bound=Common)
+C = TypeVar("C")
 
 
 def told(options: Common, facet: str, made: Callable[[int], dict[str, Tensor]]) -> tuple[dict[str, Tensor], Path]:
@@ -114,3 +114,14 @@ def run(main: Callable[[C], None], kind: type[C]) -> None:
     except KeyboardInterrupt:
         print("distil: interrupted; call it again with the same options to go on.", file=sys.stderr)
         sys.exit(130)
+
+
+def commit() -> str:
+    """Of the repository that this is run in; "" outside of one."""
+    command = ["git", "describe", "--always", "--dirty"]
+    try:
+        return subprocess.run(
+            command, capture_output=True, text=True, cwd=Path(__file__).parent, check=True
+        ).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return ""
