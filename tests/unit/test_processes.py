@@ -56,8 +56,9 @@ def gold() -> RoughConductor:
 def test_threads_change_no_bit(material, scattering, threads, monkeypatch):
     """Over a block that is large enough for torch to share it out, and over the usual ones."""
     surface = bsdf(material, scattering, alpha=(0.6,), max_order=2, dtype=torch.float32)
-    for block, rows in ((1 << 17, 40_000), (blocks.BLOCK, 9_001)):
+    for block, rows in ((1 << 17, 40_000), (8192, 9_001)):
         monkeypatch.setattr(blocks, "BLOCK", block)
+        monkeypatch.setattr(blocks, "SPLIT", block)
         torch.set_num_threads(1)
         one = everything(surface, rows)
         for n in (2, 4):

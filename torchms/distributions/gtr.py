@@ -24,6 +24,7 @@ class GTR(MicrofacetDistribution):
     """
 
     sources = ("Burley2012", "Dimov2015")
+    most_at_once = 1 << 14  # each of them takes the terms of a sum
 
     alpha: Tensor
     gamma: Tensor

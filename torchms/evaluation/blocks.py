@@ -1,7 +1,8 @@
 """Evaluation in cache-sized blocks: memory is bounded by the block, never by the user's batch.
 
-Eager kernels run fastest on 4 k – 16 k numbers at a time; over millions of rows in one go they are an order of
-magnitude slower, because every intermediate is a fresh allocation. Blocks run side by side, one a thread.
+Eager kernels run fastest on some 2^16 numbers at a time. Of fewer, Python takes longer to start an operation than it takes,
+and threads wait for the interpreter; of millions, every intermediate is a fresh allocation. Blocks run side by side, one a
+thread.
 """
 
 import functools
@@ -21,8 +22,10 @@ from torchms.maths.frame import Vec3
 from torchms.parameters.declared import Parametric
 from torchms.parameters.exchange import parameters, weights, with_parameters
 
-BLOCK = 8192
-"""Rows × paths that are evaluated at a time on a CPU, unless a call says otherwise."""
+BLOCK = 1 << 16
+"""Most rows × paths that are evaluated at a time on a CPU, unless a call says otherwise."""
+SPLIT = 1 << 15
+"""Rows × paths that are not cut further, whatever the number of threads."""
 BLOCK_ELSEWHERE = 1 << 22
 """The same on other devices, which are slow to start an operation and fast to do it."""
 LARGEST = 1 << 48
@@ -74,14 +77,15 @@ def run(
 ) -> tuple[Tensor, ...]:
     """`kernel` over blocks of rows and paths: (*batch, *lead), or (*batch, N, *lead) if it is per path.
 
-    block: rows × paths of one; None for `BLOCK`, or `BLOCK_ELSEWHERE` off the CPU.
+    block: rows × paths of one; None for what is fastest: up to `BLOCK`, or `BLOCK_ELSEWHERE` off the CPU.
     """
     if torch.compiler.is_compiling():
         return whole(kernel, module, directions, source)
     batch = batch_shape(module, directions, source)
     device = directions[0].device
     n_rows, n_paths = batch.numel(), source.n_paths
-    rows, paths = _cut(n_rows, n_paths, block or (BLOCK if device.type == "cpu" else BLOCK_ELSEWHERE))
+    best = _even(n_rows, n_paths, module) if device.type == "cpu" else BLOCK_ELSEWHERE
+    rows, paths = _cut(n_rows, n_paths, block or best)
     results = _Results(kernel, rows, paths)
     parts = _Parts(module, batch, directions, source.flattened(batch, device), rows)
 
@@ -100,6 +104,14 @@ def run(
         jobs = list(itertools.product(range(len(rows)), range(len(paths))))
         threads.share(len(jobs), lambda i: compute(jobs[i][0], [jobs[i][1]]), n, join=False)
     return tuple(out.reshape((*batch, *out.shape[1:])) for out in results.found())
+
+
+def _even(n_rows: int, n_paths: int, module: Parametric) -> int:
+    """Size of blocks of which there is an even number, for threads to share; it depends on nothing but the batch."""
+    most = min([BLOCK, *(part.most_at_once for part in module.modules() if isinstance(part, Parametric))])
+    step = -(-n_rows // (2 * math.ceil(n_rows * n_paths / (2 * most)) or 1))
+    step += -step % LANES if step > LANES else 0
+    return max(min(SPLIT, most), min(step * n_paths, most))
 
 
 def _cut(n_rows: int, n_paths: int, size: int) -> tuple[list[int], list[slice]]:

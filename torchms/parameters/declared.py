@@ -59,6 +59,9 @@ class Parametric(nn.Module):
     shape `*batch`, or `*batch C` if it carries channels.
     """
 
+    most_at_once = 1 << 16
+    """Rows × paths up to which larger blocks are faster in eager code."""
+
     def __init__(self) -> None:
         super().__init__()
         self.declared: dict[str, Parameter] = {}
