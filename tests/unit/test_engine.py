@@ -126,7 +126,10 @@ def test_hard_numbers(material, scattering, exact, generator: torch.Generator) -
 
 
 def test_exact_rounds_like_eager(generator: torch.Generator) -> None:
-    """Without contraction a single bounce is within two units in the last place of eager code, with it further off."""
+    """Without contraction a single bounce rounds as eager code does, with it differently.
+
+    On some processors the roots of torch are not rounded correctly: there it is within one unit in the last place.
+    """
     eager = RoughConductor(GGX(0.5, 0.3), Conductor.metal("Au"), SingleBounce())
     wi, wo = hemisphere(5_000, generator), hemisphere(5_000, generator)
     expected = eager(wi, wo)
@@ -136,7 +139,9 @@ def test_exact_rounds_like_eager(generator: torch.Generator) -> None:
         )
         for exact in (True, False)
     ]
-    assert off[0] <= off[1] and off[0] < 2e-8
+    x = torch.rand(5_000, generator=generator)
+    rounded = torch.equal(x.sqrt(), x.double().sqrt().float())
+    assert off[0] <= off[1] and off[0] < (2e-8 if rounded else 1.2e-7)
 
 
 def test_second_derivatives_and_transforms(generator: torch.Generator) -> None:

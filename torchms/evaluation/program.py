@@ -20,6 +20,8 @@ PIECE = 512
 """Elements that stay in the first cache: machine code takes rows by so many."""
 ELEMENTS = 16384
 """Elements that a thread takes at a time."""
+FEW = 8192
+"""Elements of which one thread computes all: another one would take longer to begin."""
 ALONG_PATHS = 64
 """Paths from which on machine code goes along them, not along the rows."""
 PATHS = 1 << 16
@@ -200,14 +202,14 @@ class _Run:
         """Run it; the totals of the results that are one."""
         groups = 1 if self.by_rows else -(-self.N // PATHS)
         n = threads.n_threads()
-        if groups == 1 and not self.sums and (n == 1 or self.n * self.N <= ELEMENTS):
+        if groups == 1 and not self.sums and (n == 1 or self.n * self.N <= FEW):
             return list(self.call.run(self.results, self.scale, (0, self.n), (0, self.N), self.by_rows))
         return self._cut(groups, n)
 
     def _cut(self, groups: int, n: int) -> list[float]:
         """In parts whose sums are added up in one order, whatever thread took them."""
-        step = max(1, ELEMENTS // min(self.N, PATHS))
-        step = max(PIECE, step // PIECE * PIECE) if self.by_rows else step
+        step = max(1, min(ELEMENTS // min(self.N, PATHS), -(-self.n // 2)))
+        step = -(-step // PIECE) * PIECE if self.by_rows else step
         length = -(-self.N // groups)
         jobs = [
             (first, min(first + step, self.n), g * length, min((g + 1) * length, self.N), g)
