@@ -1,10 +1,14 @@
-"""The tables that the laws run over: a new class is one line here, and every law holds it to account."""
+"""The tables that the laws run over: every law holds what is public to account.
+
+A class that torchms offers and that is not named here joins the tables by itself, made from what its constructor asks for.
+"""
 
 import functools
+import inspect
 import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import torch
@@ -37,6 +41,29 @@ from torchms import (
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
 from torchms.maths import frame
 
+NAMED = {value for value in globals().values() if inspect.isclass(value)}
+"""Classes with lines of their own, and what they are made of."""
+
+
+def unnamed(root: type) -> dict[str, type]:
+    """The public classes of a kind that have no line, by their names in lower case."""
+    offered = [getattr(module, name) for module in (torchms, torchms.fresnel) for name in dir(module)]
+    classes = [c for c in offered if inspect.isclass(c) and issubclass(c, root) and c not in NAMED]
+    return {c.__name__.lower(): c for c in classes if not inspect.isabstract(c)}
+
+
+def example(cls: type, alpha: float | Tensor = 0.7, alpha_y: float | Tensor = 0.3, max_order: int = 4) -> Any:
+    """One of a class: what it must be given is an argument of that name, or something usual of the type."""
+    given = {"alpha": alpha, "alpha_y": alpha_y, "max_order": max_order}
+    usual = {MicrofacetDistribution: GGX(alpha, alpha_y), list[float]: [0.2, 0.6, 0.9], float: 0.5, int: 3, bool: True}
+    for name, argument in inspect.signature(cls).parameters.items():
+        if name not in given and argument.default is argument.empty:
+            kinds = (argument.annotation, *get_args(argument.annotation))
+            found = [value for kind, value in usual.items() if kind in kinds]
+            assert found, f"{cls.__name__}({name}=...): give it a line in tests/cases.py"
+            given[name] = found[0]
+    return cls(**{name: value for name, value in given.items() if name in inspect.signature(cls).parameters})
+
 
 def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
     """GTR with γ = 1 + 2 α_y, where others have a second roughness, and α moved into its range."""
@@ -47,12 +74,20 @@ def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
 ELLIPTIC: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
 """Those with α_x and α_y, which the reference tables and other renderers have as well."""
 
-DISTRIBUTIONS: dict[str, Callable[..., MicrofacetDistribution]] = {**ELLIPTIC, "gtr": gtr}
+DISTRIBUTIONS: dict[str, Callable[..., MicrofacetDistribution]] = {
+    **ELLIPTIC,
+    "gtr": gtr,
+    **{
+        name: lambda alpha, alpha_y=0.25, c=cls: example(c, alpha, alpha_y)
+        for name, cls in unnamed(MicrofacetDistribution).items()
+    },
+}
 
 SEGMENTS: dict[str, type[Segment]] = {
     "uncorrelated": Uncorrelated,
     "correlated": Correlated,
     "invariance": Invariance,
+    **unnamed(Segment),
 }
 
 SCATTERINGS: dict[str, Callable[[int], Scattering]] = {
@@ -62,6 +97,11 @@ SCATTERINGS: dict[str, Callable[[int], Scattering]] = {
     **{
         f"bidirectional-{name}": lambda max_order, s=segment: Bidirectional(s(), max_order)
         for name, segment in SEGMENTS.items()
+    },
+    **{
+        name: lambda max_order, c=cls: example(c, max_order=max_order)
+        for name, cls in unnamed(Scattering).items()
+        if cls.is_unbiased
     },
 }
 
@@ -74,11 +114,21 @@ COMPENSATIONS: dict[str, Callable[[int], Scattering]] = {
 DISTILLATES: dict[str, Callable[[int], Scattering]] = {"distilled": lambda max_order: Distilled()}
 """Learned sums over all bounces, of metal whose roughnesses lie within what they were learned for."""
 
+OTHERS: dict[str, Callable[[int], Scattering]] = {
+    name: lambda max_order, c=cls: example(c, max_order=max_order)
+    for name, cls in unnamed(Scattering).items()
+    if not cls.is_unbiased
+}
+"""Approximations without a line: `law_suite` knows what they must obey, the other tables what they should."""
+
+EVERY_SCATTERING = {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES, **OTHERS}
+
 FRESNELS: dict[str, Callable[[], Fresnel]] = {
     "ideal": Ideal,
     "conductor": lambda: Conductor([0.2, 0.9, 1.2], [3.9, 2.5, 2.2]),
     "schlick": lambda: Schlick([0.04, 0.5, 1.0]),
     "dielectric": lambda: Dielectric(1.5),
+    **{name: lambda c=cls: example(c) for name, cls in unnamed(Fresnel).items()},
 }
 """What a conductor's slot takes; of a dielectric, what is refracted is lost."""
 
@@ -115,7 +165,7 @@ def bsdf(
 ) -> BSDF:
     """The BSDF of these names, with buffers of `dtype`."""
     facets = DISTRIBUTIONS[distribution](*alpha)
-    return MATERIALS[material](facets, {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}[scattering](max_order)).to(dtype)
+    return MATERIALS[material](facets, EVERY_SCATTERING[scattering](max_order)).to(dtype)
 
 
 @functools.cache
@@ -161,7 +211,7 @@ def surfaces() -> pytest.MarkDecorator:
     """
     found = [
         (m, s, d)
-        for m, s, d in itertools.product(ONE_OF_EACH, {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}, DISTRIBUTIONS)
+        for m, s, d in itertools.product(ONE_OF_EACH, EVERY_SCATTERING, DISTRIBUTIONS)
         if serves(m, s, d, alphas_for(m, s))
     ]
     quickest = {"single", *COMPENSATIONS, *DISTILLATES}

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from cases import COMPENSATIONS, DISTILLATES, DISTRIBUTIONS, MATERIALS, SCATTERINGS, SEGMENTS
+from cases import DISTRIBUTIONS, EVERY_SCATTERING, MATERIALS, SEGMENTS
 
 import torchms as ms
 from torchms.citations import PAPERS
@@ -30,9 +30,7 @@ def test_the_readme_lists_them_all() -> None:
 
 def test_every_public_part_has_its_papers() -> None:
     objects = [make(0.5) for make in DISTRIBUTIONS.values()]
-    objects += [make(3) for make in {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}.values()] + [
-        make() for make in SEGMENTS.values()
-    ]
+    objects += [make(3) for make in EVERY_SCATTERING.values()] + [make() for make in SEGMENTS.values()]
     objects += [MATERIALS[name](ms.GGX(0.5), ms.SingleBounce()) for name in MATERIALS]
     for part in objects:
         assert ms.cite(part) or type(part) is ms.SingleBounce, part
@@ -91,7 +89,7 @@ def test_a_file_cites_what_its_surface_does() -> None:
     from torchms.onnx.exporter import checked
     from torchms.onnx.metadata import describe
 
-    for make in {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES}.values():
+    for make in EVERY_SCATTERING.values():
         surface = ms.RoughConductor(ms.GGX(0.5), Conductor.metal("Au"), make(2))
         model = onnx.ModelProto()
         describe(model, checked(surface, "forward", (), "input", 1))

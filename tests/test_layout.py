@@ -23,7 +23,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     # What everything stands on.
-    ("version", "typing", "storage", "cli.progress"),
+    ("version", "typing", "lazy", "storage", "cli.progress"),
     ("maths", "machine"),
     ("parameters.declared", "parameters.exchange", "parameters.maps"),
     # A facet, the heights between facets, and both together.
@@ -180,7 +180,7 @@ def test_nothing_is_unpickled():
 # Public classes and the tables.
 
 ABSTRACT = {"BSDF", "MicrofacetDistribution", "EllipticDistribution", "Scattering", "Segment", "Fresnel", "Interface"}
-ABSTRACT |= {"PathTracer", "Compensated"}
+ABSTRACT |= {"PathTracer", "FirstAndRest", "Compensated"}
 
 ELSEWHERE = {
     "RandomHeight": ("unit/test_segment.py", "what HeightWalk, which is in the tables, holds"),
@@ -203,8 +203,9 @@ def public_classes() -> dict[str, type]:
         pending += cls.__subclasses__()
         if cls.__module__.startswith("torchms.") and cls.__name__ not in ABSTRACT and not cls.__name__.startswith("_"):
             found[cls.__name__] = cls
-    exported = [getattr(torchms, name) for name in torchms.__all__] + [getattr(fresnel, n) for n in fresnel.__all__]
-    return found | {c.__name__: c for c in exported if inspect.isclass(c) and c.__name__ not in ABSTRACT}
+    exported = [getattr(module, name) for module in (torchms, fresnel) for name in dir(module)]
+    classes = [c for c in exported if inspect.isclass(c) and not issubclass(c, tuple)]
+    return found | {c.__name__: c for c in classes if c.__name__ not in ABSTRACT}
 
 
 @cache
@@ -213,9 +214,7 @@ def tabled() -> set[type]:
     objects: list[nn.Module] = [make(0.5) for make in cases.DISTRIBUTIONS.values()]
     objects += [segment() for segment in cases.SEGMENTS.values()]
     objects += [fresnel_term() for fresnel_term in cases.FRESNELS.values()]
-    objects += [
-        make(2) for make in [*cases.SCATTERINGS.values(), *cases.COMPENSATIONS.values(), *cases.DISTILLATES.values()]
-    ]
+    objects += [make(2) for make in cases.EVERY_SCATTERING.values()]
     objects += [cases.bsdf(material, "single") for material in cases.MATERIALS]
     return {type(part) for thing in objects for part in thing.modules()}
 
@@ -241,6 +240,6 @@ def test_what_is_excused_as_abstract_is_a_base(name):
 
 def test_the_namespace_is_complete():
     """Whatever a package of the theory offers as public, `torchms` or `torchms.fresnel` offers too."""
-    offered = set(torchms.__all__) | set(fresnel.__all__)
+    offered = {*dir(torchms), *dir(fresnel)}
     hidden = [name for name in public_classes() if name not in offered and name != "RandomHeight"]
     assert not hidden

@@ -4,46 +4,39 @@ Names are loaded when they are first used, so that `torchms --help` need not wai
 """
 
 from importlib import import_module
+from inspect import ismodule
 from typing import TYPE_CHECKING, Any
 
-from torchms.version import __version__
+from torchms.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from torchms import approximations, fresnel, lobes, measured, microsurface, onnx, render, shading, testing
-    from torchms.approximations import Distilled, KullaConty, Turquin
-    from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
-    from torchms.bsdfs.compile import compile
-    from torchms.citations import cite
-    from torchms.distributions import GGX, GTR, Beckmann, MicrofacetDistribution
-    from torchms.estimators import Bidirectional, HeightWalk, Scattering, SingleBounce, Unidirectional
-    from torchms.evaluation.arguments import set_validation
-    from torchms.parameters.constrain import constrain
-    from torchms.paths.segments import Correlated, Invariance, Segment, Uncorrelated
-    from torchms.sampling.stream import Stream
-    from torchms.shading import alpha, alphas
+    from torchms import approximations as approximations
+    from torchms import fresnel as fresnel
+    from torchms import lobes as lobes
+    from torchms import measured as measured
+    from torchms import microsurface as microsurface
+    from torchms import onnx as onnx
+    from torchms import render as render
+    from torchms import shading as shading
+    from torchms import testing as testing
+    from torchms.approximations import *
+    from torchms.bsdfs import *
+    from torchms.bsdfs.compile import compile as compile
+    from torchms.citations import cite as cite
+    from torchms.distributions import *
+    from torchms.estimators import *
+    from torchms.evaluation.arguments import set_validation as set_validation
+    from torchms.parameters.constrain import constrain as constrain
+    from torchms.paths.segments import *
+    from torchms.sampling.stream import Stream as Stream
+    from torchms.shading import alpha as alpha
+    from torchms.shading import alphas as alphas
+
+_PARTS = ("paths.segments", "distributions", "estimators", "approximations", "bsdfs")
+"""Packages of which every name is offered here, too: what such a package imports is public, in a line each."""
 
 _HOME = {
-    "BSDF": "bsdfs",
-    "RoughConductor": "bsdfs",
-    "RoughDielectric": "bsdfs",
-    "RoughDiffuse": "bsdfs",
-    "Beckmann": "distributions",
-    "GGX": "distributions",
-    "GTR": "distributions",
-    "MicrofacetDistribution": "distributions",
-    "Bidirectional": "estimators",
-    "Distilled": "approximations",
-    "HeightWalk": "estimators",
-    "KullaConty": "approximations",
-    "Scattering": "estimators",
-    "SingleBounce": "estimators",
     "Stream": "sampling.stream",
-    "Unidirectional": "estimators",
-    "Correlated": "paths.segments",
-    "Invariance": "paths.segments",
-    "Segment": "paths.segments",
-    "Turquin": "approximations",
-    "Uncorrelated": "paths.segments",
     "alpha": "shading",
     "alphas": "shading",
     "cite": "citations",
@@ -53,56 +46,28 @@ _HOME = {
 }
 _MODULES = ("approximations", "fresnel", "lobes", "measured", "microsurface", "onnx", "render", "shading", "testing")
 
-__all__ = [
-    "BSDF",
-    "GGX",
-    "GTR",
-    "Beckmann",
-    "Bidirectional",
-    "Correlated",
-    "Distilled",
-    "HeightWalk",
-    "Invariance",
-    "KullaConty",
-    "MicrofacetDistribution",
-    "RoughConductor",
-    "RoughDielectric",
-    "RoughDiffuse",
-    "Scattering",
-    "Segment",
-    "SingleBounce",
-    "Stream",
-    "Turquin",
-    "Uncorrelated",
-    "Unidirectional",
-    "__version__",
-    "alpha",
-    "alphas",
-    "approximations",
-    "cite",
-    "compile",
-    "constrain",
-    "fresnel",
-    "lobes",
-    "measured",
-    "microsurface",
-    "onnx",
-    "render",
-    "set_validation",
-    "shading",
-    "testing",
-]
+
+def _offered(part: str) -> dict[str, Any]:
+    """Names and values of a package's public names."""
+    names = vars(import_module(f"torchms.{part}"))
+    return {name: value for name, value in names.items() if not (name.startswith("_") or ismodule(value))}
 
 
-def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        return import_module(f"torchms.{name}")
-    if name in _HOME:
-        value = getattr(import_module(f"torchms.{_HOME[name]}"), name)
-        globals()[name] = value
-        return value
-    raise AttributeError(f"module 'torchms' has no attribute {name!r}")
+if not TYPE_CHECKING:  # which then tell of names that do not exist
 
+    def __getattr__(name: str) -> Any:
+        if name == "__all__":
+            return sorted({"__version__", *_HOME, *_MODULES}.union(*map(_offered, _PARTS)))
+        if name in _MODULES:
+            return import_module(f"torchms.{name}")
+        if name in _HOME:
+            globals()[name] = getattr(import_module(f"torchms.{_HOME[name]}"), name)
+            return globals()[name]
+        for part in () if name.startswith("_") else _PARTS:
+            if name in (offered := _offered(part)):
+                globals()[name] = offered[name]
+                return offered[name]
+        raise AttributeError(f"module 'torchms' has no attribute {name!r}")
 
-def __dir__() -> list[str]:
-    return sorted(__all__)
+    def __dir__() -> list[str]:
+        return __getattr__("__all__")

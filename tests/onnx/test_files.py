@@ -9,7 +9,7 @@ import onnx
 import onnxruntime
 import pytest
 import torch
-from cases import COMPENSATIONS, ONE_OF_EACH, SCATTERINGS, bsdf, transmits
+from cases import COMPENSATIONS, DISTRIBUTIONS, ONE_OF_EACH, SCATTERINGS, bsdf, each, transmits
 from exported_files import FILES, graph_of
 
 from torchms import GGX, HeightWalk, RoughConductor, RoughDielectric, SingleBounce, Stream
@@ -175,6 +175,15 @@ def test_parity_over_the_tables(material: str, scattering: str) -> None:
     content = exported(surface, parameters=inputs)
     # So many, because what is sensitive is counted: a handful of rows in as many.
     parity = check(content, checked(surface, "forward", inputs, "input", 1), rows=131_072)
+    assert not parity.failures, parity
+
+
+@pytest.mark.slow
+@each("distribution", [name for name in DISTRIBUTIONS if name != "gtr"])
+def test_parity_of_every_distribution(distribution: str) -> None:
+    """Its parameters are constants of the file."""
+    surface = bsdf("conductor[ideal]", "single", distribution, dtype=torch.float32)
+    parity = check(exported(surface), checked(surface, "forward", (), "input", 1), rows=30_000)
     assert not parity.failures, parity
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from cases import COMPENSATIONS, DISTRIBUTIONS, MATERIALS, SCATTERINGS, SEGMENTS, bsdf, each
+from cases import COMPENSATIONS, DISTRIBUTIONS, MATERIALS, OTHERS, SCATTERINGS, SEGMENTS, bsdf, each
 from torch import Tensor, nn
 
 from torchms import (
@@ -51,6 +51,7 @@ SURFACES = {
     "chalk": lambda: RoughDiffuse(GGX(0.5, 0.8), [0.4, 1.0], HeightWalk(4)),
     "white": lambda: RoughConductor(GGX(0.8), Ideal(), Bidirectional(Invariance(), 4)),
     "compensated": lambda: bsdf("conductor[ideal]", "turquin", "ggx", (0.6, 0.3)),
+    **{name: lambda name=name: bsdf("conductor[conductor]", name) for name in OTHERS},
 }
 
 
@@ -64,7 +65,7 @@ def test_surfaces_obey(surface):
 
 @pytest.mark.slow
 @each("material", MATERIALS)
-@each("scattering", {**SCATTERINGS, **COMPENSATIONS})
+@each("scattering", {**SCATTERINGS, **COMPENSATIONS, **OTHERS})
 @each("distribution", ["ggx", "beckmann"])
 def test_the_whole_table_obeys(material, scattering, distribution):
     try:

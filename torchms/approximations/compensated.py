@@ -1,28 +1,23 @@
-"""What the two compensations share: one bounce, then one more term for everything that bounces again."""
+"""What the two compensations share: a table of energies says how much bounces again."""
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import torch
 from torch import Tensor, nn
 
 from torchms.approximations.albedo_table import KNOWN, AlbedoTable
 from torchms.approximations.facet_energy import KINDS, FacetEnergy
-from torchms.estimators.base import Exit, Scattering
-from torchms.estimators.single_bounce import SingleBounce
+from torchms.approximations.first_and_rest import FirstAndRest
+from torchms.estimators.base import Exit
 from torchms.maths.frame import Vec3
 from torchms.paths.vertex import Vertex
 
 
-class Compensated(Scattering):
-    """Order 1 is the single bounce, order 2 stands for all further ones together; abstract.
+class Compensated(FirstAndRest):
+    """Order 1 is the single bounce, order 2 has the energy of all further ones, from a table; abstract."""
 
-    The energies come from a table, so values are as deterministic as the single bounce is.
-    """
-
-    max_order = 2
-    is_unbiased = False
+    facets = tuple(KINDS)
 
     def __init__(self, table: AlbedoTable | str | Path | None = None) -> None:
         super().__init__()
@@ -35,7 +30,6 @@ class Compensated(Scattering):
             )
         tables = [AlbedoTable.packaged(name) for name in KNOWN] if table is None else [table]
         self.tables = nn.ModuleDict({each.distribution: each for each in tables})
-        self.single = SingleBounce()
 
     def energy(self, vertex: Vertex) -> FacetEnergy:
         """The energies of this vertex, from the table of its distribution."""
@@ -43,16 +37,9 @@ class Compensated(Scattering):
         assert isinstance(table, AlbedoTable)
         return KINDS[type(vertex)](vertex, table)
 
-    def n_uniforms(self, vertex: Vertex) -> int:
-        return 1 + vertex.n_uniforms + self.n_extra(vertex)
-
-    def is_deterministic(self, vertex: Vertex) -> bool:
-        return True
-
     def check(self, vertex: Vertex) -> None:
         name, kind = type(self).__name__, type(vertex.distribution).__name__
-        facets = KINDS.get(type(vertex))
-        if facets is None:
+        if type(vertex) not in self.facets:
             raise ValueError(
                 f"{name} has no formula for {type(vertex).__name__.lower()} facets: it compensates what mirrors and glass "
                 "lose. Use Unidirectional(Invariance()) or Bidirectional(Invariance())."
@@ -62,26 +49,13 @@ class Compensated(Scattering):
                 f"{name}(table=...) holds tables of {', '.join(self.tables)}; got the distribution {kind}. "
                 "Use one of those, or a scattering that needs no table, such as Bidirectional(Invariance())."
             )
-        facets.check(vertex, name)
-
-    def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
-        (single,) = self.single.evaluate(vertex, wi, wo, u)
-        further = self.multiple(vertex, wi, wo, single)
-        return [single, torch.where(vertex.serves(wi) & vertex.serves(wo), further, 0.0)]
+        KINDS[type(vertex)].check(vertex, name)
 
     def walk(self, vertex: Vertex, wi: Vec3, u: Sequence[Tensor]) -> Iterator[Exit]:
         (first,) = self.single.walk(vertex, wi, u)
         yield first
         # Light that does not leave now leaves after more bounces; on average that is 1 − E(wi) of it.
         yield self.multiple_exit(vertex, wi, u[1 + vertex.n_uniforms :], 1 - first.escapes)
-
-    @abstractmethod
-    def n_extra(self, vertex: Vertex) -> int:
-        """Random numbers of an exit after more than one bounce."""
-
-    @abstractmethod
-    def multiple(self, vertex: Vertex, wi: Vec3, wo: Vec3, single: Tensor) -> Tensor:
-        """f · |cos θ_o| of all bounces after the first [1/sr], (C, 1, …)."""
 
     @abstractmethod
     def multiple_exit(self, vertex: Vertex, wi: Vec3, u: Sequence[Tensor], escapes: Tensor) -> Exit:

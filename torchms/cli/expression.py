@@ -18,7 +18,7 @@ def constructors() -> dict[str, type]:
     """The public classes of torchms and torchms.fresnel that a BSDF is built of."""
     found = {}
     for module in (torchms, fresnel):
-        for name in module.__all__:
+        for name in dir(module):
             value = getattr(module, name)
             if inspect.isclass(value) and issubclass(value, nn.Module) and not inspect.isabstract(value):
                 found[name] = value

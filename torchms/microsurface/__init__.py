@@ -7,42 +7,33 @@
 Needs the extra `microsurface` (trimesh, embreex, numba), which is imported on first use.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from torchms.lazy import lazily
 
 if TYPE_CHECKING:
-    from torchms.microsurface.rays.grid_walk import GridTracer
-    from torchms.microsurface.rays.tracer import EmbreeTracer, Tracer
-    from torchms.microsurface.simulation.materials import DielectricFacets, DiffuseFacets, FacetMaterial, MirrorFacets
-    from torchms.microsurface.simulation.parts import facets_of, surfaces_of
-    from torchms.microsurface.simulation.plan import Plan
-    from torchms.microsurface.simulation.simulate import simulate
-    from torchms.microsurface.surfaces.heightfield import Heightfield
-    from torchms.microsurface.surfaces.recipe import GaussianSurfaces
-
-__all__ = [
-    "DielectricFacets",
-    "DiffuseFacets",
-    "EmbreeTracer",
-    "FacetMaterial",
-    "GaussianSurfaces",
-    "GridTracer",
-    "Heightfield",
-    "MirrorFacets",
-    "Plan",
-    "Tracer",
-    "facets_of",
-    "simulate",
-    "surfaces_of",
-]
+    from torchms.microsurface.rays.grid_walk import GridTracer as GridTracer
+    from torchms.microsurface.rays.tracer import EmbreeTracer as EmbreeTracer
+    from torchms.microsurface.rays.tracer import Tracer as Tracer
+    from torchms.microsurface.simulation.materials import DielectricFacets as DielectricFacets
+    from torchms.microsurface.simulation.materials import DiffuseFacets as DiffuseFacets
+    from torchms.microsurface.simulation.materials import FacetMaterial as FacetMaterial
+    from torchms.microsurface.simulation.materials import MirrorFacets as MirrorFacets
+    from torchms.microsurface.simulation.parts import facets_of as facets_of
+    from torchms.microsurface.simulation.parts import surfaces_of as surfaces_of
+    from torchms.microsurface.simulation.plan import Plan as Plan
+    from torchms.microsurface.simulation.simulate import simulate as simulate
+    from torchms.microsurface.surfaces.heightfield import Heightfield as Heightfield
+    from torchms.microsurface.surfaces.recipe import GaussianSurfaces as GaussianSurfaces
 
 _HOME = {
+    "DielectricFacets": "simulation.materials",
+    "DiffuseFacets": "simulation.materials",
     "EmbreeTracer": "rays.tracer",
     "FacetMaterial": "simulation.materials",
     "GaussianSurfaces": "surfaces.recipe",
     "GridTracer": "rays.grid_walk",
     "Heightfield": "surfaces.heightfield",
-    "DielectricFacets": "simulation.materials",
-    "DiffuseFacets": "simulation.materials",
     "MirrorFacets": "simulation.materials",
     "Plan": "simulation.plan",
     "Tracer": "rays.tracer",
@@ -51,13 +42,4 @@ _HOME = {
     "surfaces_of": "simulation.parts",
 }
 
-
-def __getattr__(name: str) -> Any:
-    # Lazy, so that the command line answers --help without loading torch.
-    from importlib import import_module
-
-    if name not in _HOME:
-        raise AttributeError(f"module 'torchms.microsurface' has no attribute {name!r}")
-    value = getattr(import_module(f"torchms.microsurface.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__ = lazily(__name__, _HOME)

@@ -4,21 +4,17 @@
 blocks. Needs the `onnx` extra: `pip install torchms[onnx]`.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from torchms.lazy import lazily
 
 if TYPE_CHECKING:
-    from torchms.onnx.evaluator import Evaluator
-    from torchms.onnx.exporter import export
+    from torchms.onnx.evaluator import Evaluator as Evaluator
+    from torchms.onnx.exporter import export as export
 
-_HOME = {"Evaluator": "torchms.onnx.evaluator", "export": "torchms.onnx.exporter"}
+_HOME = {
+    "Evaluator": "evaluator",
+    "export": "exporter",
+}
 
-__all__ = ["Evaluator", "export"]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        value = getattr(import_module(_HOME[name]), name)
-        globals()[name] = value
-        return value
-    raise AttributeError(f"module 'torchms.onnx' has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOME)

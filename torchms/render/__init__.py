@@ -5,8 +5,19 @@ within the microgeometry are the BSDF's affair); through glass, also light that 
 see `torchms.render.paths`. Radiance is in linear sRGB; y is up.
 """
 
-from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING
+
+from torchms.lazy import lazily
+
+if TYPE_CHECKING:
+    from torchms.render.camera import Camera as Camera
+    from torchms.render.film import Picture as Picture
+    from torchms.render.film import render as render
+    from torchms.render.lights import ConstantLight as ConstantLight
+    from torchms.render.lights import DirectionalLight as DirectionalLight
+    from torchms.render.lights import Environment as Environment
+    from torchms.render.scenes import load_shape as load_shape
+    from torchms.render.shapes import Shape as Shape
 
 _HOME = {
     "Camera": "camera",
@@ -19,11 +30,4 @@ _HOME = {
     "render": "film",
 }
 
-__all__ = sorted(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    # Loaded when used, so that the options need not wait for torch.
-    if name in _HOME:
-        return getattr(import_module(f"torchms.render.{_HOME[name]}"), name)
-    raise AttributeError(f"module 'torchms.render' has no attribute {name!r}")
+__getattr__ = lazily(__name__, _HOME)
