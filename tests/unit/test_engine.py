@@ -113,11 +113,6 @@ def test_hard_numbers(material, scattering, exact, generator: torch.Generator) -
     eager = bsdf(material, scattering, alpha=(0.6,), max_order=2)
     fast = torchms.compile(eager, verbose=False, exact=exact)
     wi, wo = edges()
-    if eager.vertex.transmits and scattering == "height-walk":
-        # At the horizon a ray meets its first facet at 1 − U of one unit in the last place, the last bit of exp(ln U) in
-        # either library; and half the light of glass goes on from there.
-        keep = wi[:, 2].abs() > 1e-12
-        wi, wo = wi[keep], wo[keep]
     u = eager.uniforms(wi.shape[:-1], 2, generator=generator)
     for name, given in (("orders", (wi, wo, u)), ("pdf", (wi, wo)), ("albedo", (wi, u)), ("sample_walk", (wi, u))):
         found, expected = getattr(fast, name)(*given), getattr(eager, name)(*given)
