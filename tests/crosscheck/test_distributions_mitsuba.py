@@ -1,12 +1,11 @@
 """D, G1 and the density of visible normals against Mitsuba 3's `MicrofacetDistribution`, in float32."""
 
-import math
 from importlib import import_module
 from types import ModuleType
 
 import pytest
 import torch
-from cases import ELLIPTIC
+from cases import ELLIPTIC, direction
 from torch import Tensor
 
 pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
@@ -19,11 +18,6 @@ VIEWS = [0.0, 0.5, 1.0, 1.4, 1.55]
 def mi() -> ModuleType:
     """A variant as a module of its own: the process's current variant is left alone."""
     return import_module("mitsuba.scalar_rgb")
-
-
-def direction(theta: float, phi: float = 0.7) -> Tensor:
-    sin = math.sin(theta)
-    return torch.tensor([sin * math.cos(phi), sin * math.sin(phi), math.cos(theta)])
 
 
 def normals(alpha: tuple[float, float]) -> Tensor:
@@ -56,7 +50,7 @@ def test_density_of_normals(mi, name, alpha):
 @pytest.mark.parametrize("alpha", ALPHAS, ids=str)
 @pytest.mark.parametrize("theta", VIEWS)
 def test_ggx_masking_and_visible_density(mi, alpha, theta):
-    w, m = direction(theta), normals(alpha)
+    w, m = direction(theta, dtype=torch.float32), normals(alpha)
     ours, other = ELLIPTIC["ggx"](*alpha), theirs(mi, "ggx", alpha)
     # Their G1 is zero where the macro-normal and m see w from different sides.
     facing = m[(m @ w) > 0.02]
@@ -69,7 +63,7 @@ def test_ggx_masking_and_visible_density(mi, alpha, theta):
 @pytest.mark.parametrize("alpha", ALPHAS, ids=str)
 @pytest.mark.parametrize("theta", VIEWS)
 def test_beckmann_visible_density_up_to_their_rational_masking(mi, alpha, theta):
-    w, m = direction(theta), normals(alpha)
+    w, m = direction(theta, dtype=torch.float32), normals(alpha)
     ours, other = ELLIPTIC["beckmann"](*alpha), theirs(mi, "beckmann", alpha)
     facing = m[(m @ w) > 0.02]
     masking = float(other.smith_g1(vector(mi, w), vector(mi, facing[0])))

@@ -6,17 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from torchms.maths.frame import direction
 from torchms.microsurface import DielectricFacets, DiffuseFacets, GridTracer, Heightfield, MirrorFacets, simulate
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.simulation.launch import launch
 from torchms.microsurface.simulation.philox import philox_words
 
 FLAT = Heightfield.from_heights(np.zeros((16, 16)), 1.0, periodic=True)
-
-
-def direction(theta: float, phi: float = 0.4) -> torch.Tensor:
-    s = math.sin(theta)
-    return torch.tensor([s * math.cos(phi), s * math.sin(phi), math.cos(theta)], dtype=torch.float64)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +56,9 @@ def test_rays_start_uniformly_and_in_the_order_of_the_curve() -> None:
 @pytest.mark.parametrize("theta", [0.0, 0.5, 1.0, 1.5])
 def test_flat_glass_is_fresnel_and_snell(eta: float, theta: float) -> None:
     n = 200_000
-    tally = simulate(FLAT, DielectricFacets(eta), direction(theta), n_rays=n, max_order=3, seed=8, tracer=GridTracer())
+    tally = simulate(
+        FLAT, DielectricFacets(eta), direction(theta, 0.4), n_rays=n, max_order=3, seed=8, tracer=GridTracer()
+    )
     ci, sin_t = math.cos(theta), math.sin(theta) / eta
     if sin_t >= 1:
         F = 1.0
@@ -86,7 +84,7 @@ def test_flat_mirror_reflects_with_the_fresnel_term() -> None:
         f0 = torch.tensor([0.9, 0.5, 0.1], dtype=c.dtype)
         return f0 + (1 - f0) * (1 - c[..., None]) ** 5
 
-    tally = simulate(FLAT, MirrorFacets(schlick), direction(1.1), n_rays=1000, max_order=2, tracer=GridTracer())
+    tally = simulate(FLAT, MirrorFacets(schlick), direction(1.1, 0.4), n_rays=1000, max_order=2, tracer=GridTracer())
     expected = schlick(torch.tensor(math.cos(1.1), dtype=torch.float64))
     assert tally.reflected[0].tolist() == pytest.approx(expected.tolist(), abs=1e-8)
     assert tally.info["absorbed"] == pytest.approx((1 - expected).tolist(), abs=1e-8)
@@ -95,7 +93,7 @@ def test_flat_mirror_reflects_with_the_fresnel_term() -> None:
 
 def test_flat_diffuse_is_lamberts_law() -> None:
     n = 400_000
-    tally = simulate(FLAT, DiffuseFacets((0.5, 1.0)), direction(0.8), n_rays=n, max_order=2, tracer=GridTracer())
+    tally = simulate(FLAT, DiffuseFacets((0.5, 1.0)), direction(0.8, 0.4), n_rays=n, max_order=2, tracer=GridTracer())
     assert tally.reflected[0].tolist() == pytest.approx([0.5, 1.0])
     assert tally.lobes is not None
     energy = tally.lobes.mean[3, :, :, 1] * tally.lobes.bin_sr
@@ -119,7 +117,7 @@ def test_directions_stay_unit_and_leave_the_facet(material) -> None:
         p = Paths.empty(n, 1, False)
         p.n, key = n, np.array([1, 2], dtype=np.uint32)
         place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
-        launch(0, n, key, direction(1.3).numpy(), 128, 128, grid.launch_height, *place, n)
+        launch(0, n, key, direction(1.3, 0.4).numpy(), 128, 128, grid.launch_height, *place, n)
         caster.cast(p)
         coming = p.d.copy()
         material.scatter(p, grid, 1, key, interpolate)

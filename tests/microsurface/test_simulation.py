@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from torchms.fresnel import Conductor, Ideal
+from torchms.maths.frame import direction
 from torchms.microsurface import (
     DielectricFacets,
     DiffuseFacets,
@@ -19,10 +20,6 @@ from torchms.microsurface import (
 )
 
 GRID = GridTracer()
-
-
-def direction(theta: float, phi: float = 0.0) -> tuple[float, float, float]:
-    return (math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta))
 
 
 @pytest.mark.parametrize("tracer", [EmbreeTracer(), GRID], ids=["embree", "grid"])

@@ -1,11 +1,11 @@
 """Two tracers that share no code see the same facets; a third, slow one that looks at every triangle agrees."""
 
-import math
 import sys
 
 import numpy as np
 import pytest
 
+from torchms.maths.frame import direction
 from torchms.microsurface import (
     DielectricFacets,
     DiffuseFacets,
@@ -22,16 +22,12 @@ from torchms.microsurface.simulation.launch import launch
 N = 40_000
 
 
-def direction(theta: float, phi: float) -> np.ndarray:
-    return np.array([math.sin(theta) * math.cos(phi), math.sin(theta) * math.sin(phi), math.cos(theta)])
-
-
 def launched(grid: Grid, n: int, theta: float, phi: float, key: int = 1) -> Paths:
     p = Paths.empty(n, 1, False)
     p.n = n
     seed = np.array([key, 7], dtype=np.uint32)
     place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
-    launch(0, n, seed, direction(theta, phi), *grid.heights.shape, grid.launch_height, *place, n)
+    launch(0, n, seed, direction(theta, phi).numpy(), *grid.heights.shape, grid.launch_height, *place, n)
     return p
 
 
