@@ -24,7 +24,7 @@ from torch import Tensor
 import torchms as ms
 from torchms.fresnel import Conductor, Fresnel, Ideal
 from torchms.lobes import measure
-from torchms.lobes.measure import incident_angles
+from torchms.maths.frame import direction
 from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.microsurface.simulation.materials import MirrorFacets
 from torchms.microsurface.simulation.simulate import simulate
@@ -93,7 +93,7 @@ def relative(lobe: Tensor, reference: Tensor) -> float:
 
 def lobe_row(kind: str, alpha: tuple[float, ...], theta: float, options: Options) -> dict[str, Any]:
     """Directional and energy errors of all models for one direction of incidence."""
-    wi = incident_angles(theta, 0.4, dtype=torch.float32)
+    wi = direction(theta, 0.4, dtype=torch.float32)
     lobes, energy = {}, {}
     for name in MODELS:
         tally = measure(
@@ -131,7 +131,7 @@ def coarser(lobe: Tensor, shape: torch.Size | tuple[int, int] = (8, 8)) -> Tenso
 
 def metal_row(metal: str, alpha: float, options: Options) -> dict[str, Any]:
     """What each model reflects in red, green and blue at 0.5 rad."""
-    wi = incident_angles(0.5, 0.0, dtype=torch.float32)
+    wi = direction(0.5, 0.0, dtype=torch.float32)
     rgb = {}
     for name in MODELS:
         surface = bsdf("GGX", (alpha,), name, Conductor.metal(metal))

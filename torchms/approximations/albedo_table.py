@@ -2,9 +2,7 @@
 
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -12,7 +10,7 @@ from torchms.approximations import coordinates as at
 from torchms.approximations.chebyshev import contracted, outer, polynomials, summed
 from torchms.distributions.base import EllipticDistribution, MicrofacetDistribution
 from torchms.maths.frame import Vec3
-from torchms.storage.archives import read_arrays
+from torchms.storage.archives import read_arrays, scalar, single
 from torchms.version import __version__
 
 FORMAT = 1
@@ -169,23 +167,12 @@ def _read(path: Path) -> tuple[str, dict[str, Tensor]]:
         arrays = read_arrays(path, MOST_BYTES)
     except ValueError as error:
         raise ValueError(f"{path.name} is truncated or no .npz file of a table: {error}. {REMEDY}") from error
-    version = _scalar(arrays, "format", path)
+    otherwise = f"{path.name} is no albedo table"
+    version = scalar(arrays, "format", otherwise, REMEDY)
     if version != FORMAT:
         raise ValueError(f"{path.name} is an albedo table of format {version}; this is format {FORMAT}. {REMEDY}")
-    name = str(_scalar(arrays, "distribution", path))
+    name = str(scalar(arrays, "distribution", otherwise, REMEDY))
     missing = [key for key in SHAPES if key not in arrays]
     if missing:
-        raise ValueError(f"{path.name} is no albedo table: it lacks {', '.join(missing)}. {REMEDY}")
-    return name, {key: _coefficients(arrays[key], key, path) for key in SHAPES}
-
-
-def _scalar(arrays: dict[str, np.ndarray], key: str, path: Path) -> Any:
-    if key not in arrays or arrays[key].shape != ():
-        raise ValueError(f"{path.name} is no albedo table: it does not say its {key}. {REMEDY}")
-    return arrays[key].item()
-
-
-def _coefficients(array: np.ndarray, key: str, path: Path) -> Tensor:
-    if array.dtype != np.float32:
-        raise ValueError(f"{path.name}: {key!r} must be float32; got {array.dtype}. {REMEDY}")
-    return torch.from_numpy(array)
+        raise ValueError(f"{otherwise}: it lacks {', '.join(missing)}. {REMEDY}")
+    return name, {key: torch.from_numpy(single(arrays[key], key, path.name, REMEDY)) for key in SHAPES}

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.network import Layer
-from torchms.storage.archives import read_arrays
+from torchms.storage.archives import read_arrays, scalar, single
 from torchms.storage.write import write_whole
 
 FORMAT = 1
@@ -69,15 +69,16 @@ def read(path: str | Path, networks: Mapping[str, tuple[int, int]]) -> Distillat
         arrays = read_arrays(path, MOST_BYTES)
     except ValueError as error:
         raise ValueError(f"{path.name} is truncated or no .npz file of distilled lobes: {error}. {REMEDY}") from error
-    version = _said(arrays, "format", path)
+    otherwise = f"{path.name} holds no distilled lobes"
+    version = scalar(arrays, "format", otherwise, REMEDY)
     if version != FORMAT:
         raise ValueError(f"{path.name} holds distilled lobes of format {version}; this is format {FORMAT}. {REMEDY}")
-    facet = str(_said(arrays, "facet", path))
+    facet = str(scalar(arrays, "facet", otherwise, REMEDY))
     if facet not in networks:
         raise ValueError(f"{path.name} is about {facet}; known are {', '.join(networks)}.")
     inputs, outputs = networks[facet]
     try:
-        certificate = json.loads(str(_said(arrays, "certificate", path)))
+        certificate = json.loads(str(scalar(arrays, "certificate", otherwise, REMEDY)))
     except json.JSONDecodeError as error:
         raise ValueError(f"{path.name} has no readable certificate: {error}. {REMEDY}") from error
     low, high = (float(a) for a in _array(arrays, "alpha", (2,), path))
@@ -85,7 +86,7 @@ def read(path: str | Path, networks: Mapping[str, tuple[int, int]]) -> Distillat
         raise ValueError(f"{path.name} is for alpha in [{low:g}, {high:g}], which is no range. {REMEDY}")
     layers = _layers(arrays, inputs, outputs, path)
     skip = _weights(arrays, "skip", (outputs, inputs), path)
-    distribution = str(_said(arrays, "distribution", path))
+    distribution = str(scalar(arrays, "distribution", otherwise, REMEDY))
     return Distillate(facet, distribution, (low, high), layers, skip, certificate)
 
 
@@ -105,10 +106,7 @@ def _layers(arrays: dict[str, np.ndarray], inputs: int, outputs: int, path: Path
 
 
 def _weights(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], path: Path) -> Tensor:
-    array = _array(arrays, name, shape, path)
-    if array.dtype != np.float32:
-        raise ValueError(f"{path.name}: {name!r} must be float32; got {array.dtype}. {REMEDY}")
-    return torch.from_numpy(array)
+    return torch.from_numpy(single(_array(arrays, name, shape, path), name, path.name, REMEDY))
 
 
 def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], path: Path) -> np.ndarray:
@@ -120,9 +118,3 @@ def _array(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], pat
     if array.dtype.kind != "f" or not np.isfinite(array).all():
         raise ValueError(f"{path.name}: {name!r} must hold finite numbers. {REMEDY}")
     return array
-
-
-def _said(arrays: dict[str, np.ndarray], name: str, path: Path) -> Any:
-    if name not in arrays or arrays[name].shape != ():
-        raise ValueError(f"{path.name} holds no distilled lobes: it does not say its {name}. {REMEDY}")
-    return arrays[name].item()

@@ -151,9 +151,3 @@ class _Plane:
     def _histogram(self, cells: Tensor, weights: Tensor) -> Tensor:
         n = self.bins[0] * self.bins[1]
         return torch.stack([torch.bincount(cells, w, minlength=n).reshape(self.bins) for w in weights], -1)
-
-
-def incident_angles(theta: float, phi: float = 0.0, dtype: torch.dtype = torch.float64) -> Tensor:
-    """The direction (3,) at `theta` from the normal and azimuth `phi` [rad]."""
-    t, p = torch.tensor(theta, dtype=dtype), torch.tensor(phi, dtype=dtype)
-    return torch.stack([t.sin() * p.cos(), t.sin() * p.sin(), t.cos()])

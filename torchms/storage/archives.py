@@ -2,6 +2,7 @@
 
 import math
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,20 @@ def read_array(path: str | Path, most_bytes: int) -> NDArray:
         return np.asarray(np.load(path, allow_pickle=False))
     except Exception as error:
         raise ValueError(str(error) or type(error).__name__) from error
+
+
+def scalar(arrays: Mapping[str, NDArray], name: str, otherwise: str, remedy: str) -> Any:
+    """The number or the text `name`; ValueError, which begins with `otherwise`, if the file does not say it."""
+    if name not in arrays or arrays[name].shape != ():
+        raise ValueError(f"{otherwise}: it does not say its {name}. {remedy}")
+    return arrays[name].item()
+
+
+def single(array: NDArray, name: str, file: str, remedy: str) -> NDArray:
+    """The array itself if it is float32; ValueError otherwise."""
+    if array.dtype != np.float32:
+        raise ValueError(f"{file}: {name!r} must be float32; got {array.dtype}. {remedy}")
+    return array
 
 
 def _check_header(file: Any, name: str, size: int) -> None:
