@@ -91,3 +91,38 @@ def test_options_load_nothing_heavy() -> None:
     code = f"import sys, torchms.cli.options; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=Path(__file__).parents[2])
     assert done.stdout.strip() == "[]", done.stderr
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_a_model_beside_the_surface(own: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In one call, by name or the expression's own: energies with standard errors and z, printed and written."""
+    out = tmp_path / "out.json"
+    which = dict(model="own", bsdf="RoughConductor(Beckmann(0.6), Ideal(), SingleBounce())") if own else {}
+    words = dict(alpha="0.6", model="height-walk") | which
+    if own:
+        words.pop("alpha")
+    run_simulate(SimulateOptions(theta=1.1, walks=4000, json=out, **SMALL, **words))
+    result = json.loads(out.read_text())
+    model = result["model"]
+    assert model["n"] == 4000 and model["name"] == words["model"]
+    orders = len(model["reflected"])
+    assert orders == (1 if own else 16) and len(model["z"]["reflected"]) == orders
+    error = (result["reflected_stderr"][0] ** 2 + model["reflected_stderr"][0][0] ** 2) ** 0.5
+    z = (result["reflected"][0] - model["reflected"][0][0]) / error
+    assert model["z"]["reflected"][0][0] == pytest.approx(z, abs=1e-5)
+    # What the single bounce loses is seen; the height walk loses nothing to speak of.
+    total = model["z"]["total"][0]
+    assert total > 20 if own else abs(sum(x[0] for x in model["reflected"]) - 1) < 1e-4
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1].startswith("R, T:") and any(line.split()[:2] == ["R", "1"] for line in lines)
+
+
+@pytest.mark.usefixtures("plain_messages")
+def test_a_model_that_does_not_hold_is_refused_before_anything_is_traced() -> None:
+    for change, message in (
+        (dict(model="own"), "--model own .* --bsdf"),
+        (dict(model="invariance", material="dielectric"), "one side of the surface"),
+        (dict(model="height-walk", walks=1), "--walks"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            run_simulate(SimulateOptions(**(SMALL | change)))

@@ -2,6 +2,8 @@
 
 from dataclasses import fields
 
+import torch
+
 from torchms.bsdfs import BSDF
 from torchms.bsdfs.named import DISTRIBUTIONS, MATERIALS, SCATTERINGS, with_scattering
 from torchms.cli.arguments import parse_alpha
@@ -26,6 +28,16 @@ def described(options: SurfaceOptions, scattering: Scattering | None = None) -> 
         raise ValueError(f"--bsdf says all of the surface: leave out {', '.join(named)}, or --bsdf.")
     bsdf = parse_bsdf(options.bsdf)
     return bsdf if scattering is None else with_scattering(bsdf, scattering)
+
+
+def exactly_described(options: SurfaceOptions, scattering: Scattering | None = None) -> BSDF:
+    """`described` in float64: a simulation takes the very numbers that were written."""
+    before = torch.get_default_dtype()
+    torch.set_default_dtype(torch.float64)
+    try:
+        return described(options, scattering)
+    finally:
+        torch.set_default_dtype(before)
 
 
 def scattering_of(options: RenderOptions | ExportOptions, glass: str, others: str) -> Scattering | None:

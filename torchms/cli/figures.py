@@ -9,9 +9,9 @@ import torch
 
 from torchms.bsdfs.named import material_of
 from torchms.cli.arguments import check_angles, parse_count
-from torchms.cli.description import described
+from torchms.cli.description import described, exactly_described
 from torchms.cli.options import FiguresOptions
-from torchms.cli.simulate import TRACERS, exactly_described
+from torchms.cli.simulate import TRACERS
 from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel import Dielectric
 from torchms.lobes import Tally

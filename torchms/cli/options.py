@@ -79,6 +79,10 @@ class SimulateOptions(ExplicitOptions):
     """Whether --surface tiles without a seam; otherwise it is mirrored."""
     interpolate_normals: bool = False
     """Scatter about normals interpolated between the vertices instead of the facets' own."""
+    model: Scattering | Literal["own"] | None = None
+    """A model to set beside the surface, with the difference in standard errors; "own" is that of --bsdf."""
+    walks: Count = 1e6
+    """Random walks of --model."""
     tracer: Literal["embree", "grid"] = "embree"
     """Embree on the triangle mesh, or a float64 walk over the heights (no Embree needed)."""
     threads: int | None = None

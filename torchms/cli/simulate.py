@@ -5,12 +5,12 @@ import os
 from typing import Any
 
 import numpy as np
-import torch
 
-from torchms.bsdfs import BSDF
 from torchms.cli.arguments import check_angles, parse_alpha, parse_count
-from torchms.cli.description import described
-from torchms.cli.options import ExplicitOptions, SimulateOptions
+from torchms.cli.beside import beside, modelled
+from torchms.cli.beside import table as both
+from torchms.cli.description import exactly_described
+from torchms.cli.options import SimulateOptions
 from torchms.fresnel import Conductor
 from torchms.lobes.tally import Tally
 from torchms.maths.frame import direction
@@ -39,6 +39,7 @@ def run_simulate(options: SimulateOptions) -> dict[str, Any]:
     check_angles(options.theta, options.phi)
     n_rays = parse_count(options.rays, "--rays", 1)
     surface, facets = parts_of(options)
+    model = modelled(options)
     with process_group():
         rank, size = rank_and_size()
         tally = simulate(
@@ -57,8 +58,10 @@ def run_simulate(options: SimulateOptions) -> dict[str, Any]:
         )
         result = result_of(tally, options, size)
         if rank == 0:
+            if model is not None:
+                result["model"] = beside(tally, model, options)
             write(tally, result, options)
-            print(table(result))
+            print(table(result) if model is None else f"{table(result)}\n{both(tally, result['model'])}")
     return result
 
 
@@ -76,16 +79,6 @@ def parts_of(options: SimulateOptions) -> tuple[Heightfield | GaussianSurfaces, 
     else:
         surface = surfaces_of(bsdf.distribution, options.surfaces, options.size, options.texels_per_correlation)
     return surface, facets_of(bsdf) if options.bsdf is not None else facets_by_name(options)
-
-
-def exactly_described(options: ExplicitOptions) -> BSDF:
-    """The BSDF that the options describe, in float64: a simulation takes the very numbers that were written."""
-    before = torch.get_default_dtype()
-    torch.set_default_dtype(torch.float64)
-    try:
-        return described(options)
-    finally:
-        torch.set_default_dtype(before)
 
 
 def facets_by_name(options: SimulateOptions) -> FacetMaterial:
