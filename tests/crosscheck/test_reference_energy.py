@@ -29,13 +29,13 @@ def test_every_order_agrees(name, scattering, n_paths, seed, budget):
     """HeightWalk and Invariance are the Smith model: E_r,k, E_t,k and what is left beyond K = 10."""
     row = ROWS[name]
     tally = measure(model(row, scattering), incident(row), n_paths=n_paths, seed=seed, progress=False)
-    means = torch.cat([tally.reflected, tally.transmitted, tally.rest[None]])[:, 0]
-    errors = torch.cat([tally.reflected_stderr, tally.transmitted_stderr, tally.rest_stderr[None]])[:, 0]
+    means = torch.cat([tally.reflected, tally.transmitted, tally.remaining[None]])[:, 0]
+    errors = torch.cat([tally.reflected_stderr, tally.transmitted_stderr, tally.remaining_stderr[None]])[:, 0]
     theirs = torch.tensor([*row["R"], *row["T"], row["R_rest"] + row["T_rest"]], dtype=torch.float64)
     z = share_zscore(Estimate(means, errors, n_paths), counted(theirs, row["n"]), ROUNDING)
     budget(
         p_value(z),
-        lambda i: f"{(*SIDES, 'rest')[i // 10]}[{i % 10}] = {means[i]:.3g} ± {errors[i]:.2g}, {theirs[i]:.3g}",
+        lambda i: f"{(*SIDES, 'remaining')[i // 10]}[{i % 10}] = {means[i]:.3g} ± {errors[i]:.2g}, {theirs[i]:.3g}",
     )
 
 
@@ -71,8 +71,8 @@ def test_biased_models_conserve_energy(material, distribution, seed):
         for scattering in BIASED:
             assert serves(LOSSLESS[material], scattering)
             tally = measure(model(row, scattering), incident(row), n_paths=5000, seed=seed, progress=False)
-            assert float(tally.total + tally.rest) == pytest.approx(1, abs=1e-5)
-            assert float(tally.rest) < 0.02
+            assert float(tally.total + tally.remaining) == pytest.approx(1, abs=1e-5)
+            assert float(tally.remaining) < 0.02
             for side, ours in zip(SIDES, (tally.reflected, tally.transmitted), strict=True):
                 bias = ours[:4, 0] - torch.tensor(row[side][:4], dtype=torch.float64)
                 if side == "R" or material == "dielectric":

@@ -37,7 +37,7 @@ def test_figure_has_its_numbers_beside_it(tmp_path: Path, material: str) -> None
     for panel in content["panels"]:
         assert set(panel["models"]) == names
         for model in panel["models"].values():
-            assert len(model["reflected"]) == 5 and model["total"] + model["rest"] == pytest.approx(1, abs=1e-5)
+            assert len(model["reflected"]) == 5 and model["total"] + model["remaining"] == pytest.approx(1, abs=1e-5)
             assert len(model["value"]["k ≥ 4"]) == len(panel["angle"]) == 128
     with pytest.raises(FileExistsError):
         run_figures(options)

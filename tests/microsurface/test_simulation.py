@@ -156,7 +156,7 @@ def test_result_does_not_depend_on_threads_or_batches(monkeypatch: pytest.Monkey
 
     first, *others = (run(threads, batch) for threads, batch in ((1, 16384), (3, 16384), (2, 700)))
     for other in others:
-        for name in ("reflected", "reflected_stderr", "rest", "total_stderr"):
+        for name in ("reflected", "reflected_stderr", "remaining", "total_stderr"):
             assert torch.equal(getattr(first, name), getattr(other, name)), name
         assert torch.equal(first.lobes.mean, other.lobes.mean)
         assert torch.equal(first.lobes.stderr, other.lobes.stderr)

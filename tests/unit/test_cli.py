@@ -55,7 +55,7 @@ def test_table_and_json(capsys: pytest.CaptureFixture[str], tmp_path) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert "conductor Cu" in lines[0] and "alpha = 0.5,0.2" in lines[0]
     assert len({len(line) for line in lines[2:3]}) == 1
-    assert [line.split()[0] for line in lines[4:8]] == ["2", "3", "rest", "total"]
+    assert [line.split()[0] for line in lines[4:8]] == ["2", "3", "remaining", "total"]
     document = json.loads(file.read_text())
     assert [row["model"] for row in document["rows"]] == ["invariance", "correlated"]
     row = document["rows"][0]

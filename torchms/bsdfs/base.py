@@ -117,8 +117,8 @@ class BSDF(Parametric, ABC):
     def dtype(self) -> torch.dtype:
         """dtype of the declared parameters, and so of `uniforms`; of a table or a network if there are none."""
         declared = (value.dtype for _, _, value in declarations(self) if value is not None)
-        others = (x.dtype for x in (*self.parameters(), *self.buffers()))
-        return next(declared, None) or next(others, torch.get_default_dtype())
+        undeclared = (x.dtype for x in (*self.parameters(), *self.buffers()))
+        return next(declared, None) or next(undeclared, torch.get_default_dtype())
 
     @property
     def device(self) -> torch.device:

@@ -44,15 +44,15 @@ def _walk(bsdf: "BSDF", wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
     x, y, z = torch.zeros_like(left), torch.zeros_like(left), torch.ones_like(left)
     order = torch.zeros_like(left)
     weight: Tensor | None = None
-    for k, leg in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u), start=1):
-        after = left + leg.escapes
+    for k, leaving in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u), start=1):
+        after = left + leaving.escapes
         now = (u[0] >= left) & (u[0] < after)
         left = after
-        carried = leg.weight
-        unit = bsdf._unit_of(wi, leg.d)
+        carried = leaving.weight
+        unit = bsdf._unit_of(wi, leaving.d)
         if unit is not None:
             carried = carried * unit
-        x, y, z = torch.where(now, leg.d.x, x), torch.where(now, leg.d.y, y), torch.where(now, leg.d.z, z)
+        x, y, z = torch.where(now, leaving.d.x, x), torch.where(now, leaving.d.y, y), torch.where(now, leaving.d.z, z)
         order = torch.where(now, float(k), order)
         weight = torch.where(now, carried, 0.0 if weight is None else weight)
     assert weight is not None
@@ -61,10 +61,10 @@ def _walk(bsdf: "BSDF", wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
 
 def _albedo(bsdf: "BSDF", wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
     reflected, transmitted = [], []
-    for leg in bsdf.scattering.walk(bsdf.vertex, wi, u):
-        energy = leg.weight * leg.escapes
-        reflected.append(torch.where(leg.transmitted, 0.0, energy).mean(1))
-        transmitted.append(torch.where(leg.transmitted, energy, 0.0).mean(1))
+    for leaving in bsdf.scattering.walk(bsdf.vertex, wi, u):
+        energy = leaving.weight * leaving.escapes
+        reflected.append(torch.where(leaving.transmitted, 0.0, energy).mean(1))
+        transmitted.append(torch.where(leaving.transmitted, energy, 0.0).mean(1))
     return torch.stack(torch.broadcast_tensors(*reflected)), torch.stack(torch.broadcast_tensors(*transmitted))
 
 

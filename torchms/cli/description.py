@@ -40,10 +40,10 @@ def exactly_described(options: SurfaceOptions, scattering: Scattering | None = N
         torch.set_default_dtype(before)
 
 
-def scattering_of(options: RenderOptions | ExportOptions, glass: str, others: str) -> Scattering | None:
+def scattering_of(options: RenderOptions | ExportOptions, glass: str, opaque: str) -> Scattering | None:
     """The model of --scattering, of --max-order bounces, or the usual one of the material; None: that of --bsdf."""
     if options.bsdf is None:
-        return SCATTERINGS[options.scattering or (glass if options.material == "dielectric" else others)](
+        return SCATTERINGS[options.scattering or (glass if options.material == "dielectric" else opaque)](
             options.max_order
         )
     if options.scattering is not None:

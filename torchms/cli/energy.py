@@ -91,7 +91,7 @@ def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], mode
                     )
                     cells.append(_cell(values[k], errors[k]) if k < len(values) else "-")
             rows.append(cells)
-        for label in ("rest", "total"):
+        for label in ("remaining", "total"):
             cells = ["", label]
             for name in models:
                 tally = tallies[theta, name]
@@ -104,7 +104,7 @@ def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], mode
     note = (
         "E_k: share of the incident energy that leaves after exactly k bounces, ± standard error"
         + (" (channels R G B, the largest error)" if _channels(tallies) == 3 else "")
-        + "; rest: what had not left by then; total: what left."
+        + "; remaining: what had not left by then; total: what left."
     )
     return "\n".join([_title(options), *lines, note])
 

@@ -17,7 +17,7 @@ from torchms.storage.write import check_writable, write_json, write_whole
 
 def build(options: ExportOptions) -> BSDF:
     """The BSDF that the options describe."""
-    bsdf = described(options, scattering_of(options, glass="height-walk", others="invariance"))
+    bsdf = described(options, scattering_of(options, glass="height-walk", opaque="invariance"))
     return bsdf.to(torch.float64) if options.double else bsdf
 
 

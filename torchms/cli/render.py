@@ -36,7 +36,7 @@ def build_bsdf(options: RenderOptions) -> BSDF:
     """The BSDF that the options describe; ValueError if they do not fit together."""
     if options.bsdf is None and not any(is_given(options, name) for name in (*SHORT, "scattering", "max_order")):
         return parse_bsdf(GOLD)
-    return described(options, scattering_of(options, glass="height-walk", others="bidirectional-invariance"))
+    return described(options, scattering_of(options, glass="height-walk", opaque="bidirectional-invariance"))
 
 
 def run_render(options: RenderOptions) -> None:

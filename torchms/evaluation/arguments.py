@@ -54,15 +54,15 @@ def check_values(module: nn.Module | None, directions: Mapping[str, Tensor], u: 
     with torch.no_grad():
         bad = {name: _strays(x) if name in directions else _leaves(x) for name, x in known.items()}
         declared = {} if module is None or traced else parameters(module)
-        held = {name: p for name, p in declared.items() if p.value.numel() and not _has_no_values(p.value)}
-        bad |= {name: _out_of_range(record, value.detach()) for name, (record, value) in held.items()}
+        valued = {name: p for name, p in declared.items() if p.value.numel() and not _has_no_values(p.value)}
+        bad |= {name: _out_of_range(record, value.detach()) for name, (record, value) in valued.items()}
         waiting = [x for x in bad.values() if isinstance(x, Tensor)]
         if waiting and not bool(torch.stack(waiting).any()):
             return
         for name, x in known.items():
             if bad[name]:
                 (_refuse_direction if name in directions else _refuse_number)(name, x.detach())
-        for name, (record, value) in held.items():
+        for name, (record, value) in valued.items():
             if bad[name] and module is not None:
                 _refuse_parameter(module, name, record, value.detach())
 

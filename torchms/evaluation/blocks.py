@@ -142,9 +142,9 @@ class _Parts:
                 self.maps[name] = flat_rows(value, batch, int(record.channels)).split(rows)
         # What all blocks share and a gradient is wanted of, a tensor of its own for each: their gradients are added up in
         # the order of the blocks, whichever is done first.
-        others = {name: x for name, x in weights(module).items() if x.requires_grad}
+        learned = {name: x for name, x in weights(module).items() if x.requires_grad}
         if len(rows) > 1 and torch.is_grad_enabled():
-            for name, x in (single | others).items():
+            for name, x in (single | learned).items():
                 if x.requires_grad:
                     single.pop(name, None)
                     self.maps[name] = x.expand(len(rows), *x.shape).unbind(0)

@@ -95,8 +95,8 @@ class Inputs:
 
     def signature(self, kernel: Kernel, exact: bool) -> Signature:
         """What tells the program for these inputs."""
-        held: list[Any] = []
-        found = structure(self.bsdf, held, without=("engine",))
+        identified: list[Any] = []
+        found = structure(self.bsdf, identified, without=("engine",))
         return Signature(kernel, found, self.inputs, self.n_uniforms, torch.get_default_dtype(), exact)
 
     # For machine code.

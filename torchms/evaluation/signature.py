@@ -36,11 +36,11 @@ class Signature:
     exact: bool
 
 
-def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -> tuple[Any, ...]:
+def structure(part: nn.Module, identified: list[Any], without: tuple[str, ...] = ()) -> tuple[Any, ...]:
     """All that a kernel may branch on in Python, parts included: classes, attributes, which tensors there are.
 
     Equal for two modules that differ in the values of their tensors only. What is told by its identity, because it cannot
-    be compared, is added to `held`. Attributes named in `without` do not count.
+    be compared, is added to `identified`. Attributes named in `without` do not count.
     """
     unseen = {*OF_ANY_MODULE, *without}
     parametrized = parametrize.is_parametrized(part)
@@ -49,10 +49,10 @@ def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -
         tensors |= dict.fromkeys(part._modules["parametrizations"]._modules, part)  # type: ignore[union-attr]
     return (
         type(part).__mro__[1] if parametrized else type(part),
-        tuple((name, _frozen(v, held)) for name, v in vars(part).items() if name not in unseen),
+        tuple((name, _frozen(v, identified)) for name, v in vars(part).items() if name not in unseen),
         tuple(sorted((name, x is None) for name, x in tensors.items())),
         tuple(
-            (name, structure(child, held, without))
+            (name, structure(child, identified, without))
             for name, child in part._modules.items()
             if child is not None and not (parametrized and name == "parametrizations")
         ),
@@ -62,15 +62,15 @@ def structure(part: nn.Module, held: list[Any], without: tuple[str, ...] = ()) -
 OF_ANY_MODULE = frozenset(vars(nn.Module()))
 
 
-def _frozen(value: Any, held: list[Any]) -> Any:
+def _frozen(value: Any, identified: list[Any]) -> Any:
     """`value` as something that can be compared for equality later."""
     if value is None or isinstance(value, bool | int | float | str | type):
         return type(value), value
     if isinstance(value, list | tuple):
-        return type(value), tuple(_frozen(v, held) for v in value)
+        return type(value), tuple(_frozen(v, identified) for v in value)
     if isinstance(value, dict):
-        return tuple((k, _frozen(v, held)) for k, v in value.items())
+        return tuple((k, _frozen(v, identified)) for k, v in value.items())
     if type(value).__hash__ not in (None, object.__hash__):
         return type(value), value
-    held.append(value)
+    identified.append(value)
     return id(value)

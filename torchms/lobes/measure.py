@@ -66,7 +66,7 @@ def measure(
 
 
 class _Sums:
-    """Sums over paths of the energies (2, K, C), their total and rest (C,), their squares, and the lobes'."""
+    """Sums over paths of the energies (2, K, C), their total and what remains (C,), their squares, and the lobes'."""
 
     def __init__(self, *sums: Tensor) -> None:
         self.sums = sums
@@ -76,13 +76,13 @@ class _Sums:
 
     def tally(self, n: int, bins: tuple[int, int] | None) -> Tally:
         pairs = list(zip(self.sums[0::2], self.sums[1::2], strict=True))
-        (orders, orders_se), (total, total_se), (rest, rest_se) = (_mean_and_error(a, b, n) for a, b in pairs[:3])
+        orders, *sums = (_mean_and_error(a, b, n) for a, b in pairs[:3])
         lobes = None
         if bins is not None:
             mean, error = _mean_and_error(*pairs[3], n)
             cell = 4 * torch.pi / (bins[0] * bins[1])
             lobes = Lobes(mean / cell, error / cell)
-        return Tally(orders[0], orders[1], orders_se[0], orders_se[1], total, total_se, rest, rest_se, n=n, lobes=lobes)
+        return Tally(*orders[0], *orders[1], *(x for pair in sums for x in pair), n=n, lobes=lobes)
 
 
 def _mean_and_error(total: Tensor, squares: Tensor, n: int) -> tuple[Tensor, Tensor]:
@@ -100,24 +100,24 @@ def _walk_block(
     left: Tensor | None = None
     weight: Tensor | None = None
     planes = [] if bins is None else [_Plane(bins) for _ in range(lobe_orders + 1)]
-    for k, leg in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u)):
-        energy = (leg.weight * leg.escapes).to(torch.float64).reshape(-1, size)
-        weight = leg.weight
+    for k, leaving in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u)):
+        energy = (leaving.weight * leaving.escapes).to(torch.float64).reshape(-1, size)
+        weight = leaving.weight
         total = energy if total is None else total + energy
-        left = leg.escapes if left is None else left + leg.escapes
-        sides = torch.stack([torch.where(leg.transmitted.reshape(1, -1), 0.0, energy), energy])
+        left = leaving.escapes if left is None else left + leaving.escapes
+        sides = torch.stack([torch.where(leaving.transmitted.reshape(1, -1), 0.0, energy), energy])
         sides[1] -= sides[0]
         energies.append(sides.sum(-1))
         squares.append((sides * sides).sum(-1))
         if bins is not None:
-            cells = _cells(leg.d, bins)
+            cells = _cells(leaving.d, bins)
             if k < lobe_orders:
                 planes[k].add(cells, energy)
             planes[-1].add(cells, energy)
     assert total is not None and left is not None and weight is not None
-    rest = (weight * (1 - left)).to(torch.float64).reshape(-1, size)
+    remaining = (weight * (1 - left)).to(torch.float64).reshape(-1, size)
     sums = [torch.stack(energies, 1), torch.stack(squares, 1)]
-    for value in (total, rest):
+    for value in (total, remaining):
         sums += [value.sum(-1), (value * value).sum(-1)]
     if cells is not None:
         for plane in planes[len(energies) : -1]:  # orders beyond the last one

@@ -30,7 +30,7 @@ class Tally:
     """Share of the incident energy that leaves after exactly k bounces, k = 1 … K (float64, no η² factor).
 
     reflected, transmitted: (K, C) with standard errors beside them; `transmitted` is what leaves on the other side.
-    rest: (C,) what had not left after K bounces (not absorbed: still inside); `total`: (C,) sum of all that left.
+    remaining: (C,) what had not left after K bounces (not absorbed: still inside); `total`: (C,) sum of all that left.
     n: number of paths. lobes: histogram, if it was asked for. info: configuration and diagnostics, JSON-serialisable.
     """
 
@@ -40,8 +40,8 @@ class Tally:
     transmitted_stderr: Tensor
     total: Tensor
     total_stderr: Tensor
-    rest: Tensor
-    rest_stderr: Tensor
+    remaining: Tensor
+    remaining_stderr: Tensor
     n: int
     lobes: Lobes | None = None
     info: dict[str, Any] = field(default_factory=dict)
@@ -49,5 +49,5 @@ class Tally:
     def to_dict(self) -> dict[str, Any]:
         """The energies as nested lists, ready for JSON; lobes are left out (they are large)."""
         names = ("reflected", "transmitted", "reflected_stderr", "transmitted_stderr")
-        names += ("total", "total_stderr", "rest", "rest_stderr")
+        names += ("total", "total_stderr", "remaining", "remaining_stderr")
         return {name: getattr(self, name).tolist() for name in names} | {"n": self.n, "info": self.info}

@@ -64,10 +64,10 @@ def score(p: Tensor) -> Tensor:
 
 
 def score_of(value: Tensor, density: Tensor) -> Tensor:
-    """`value` over the `density` that it was drawn with, which is held; 1, without a gradient, where the density is 0."""
-    held = density.detach()
-    ok = held > smallest(held.dtype)
-    return torch.where(ok, value, 1.0) / torch.where(ok, held, 1.0)
+    """`value` over the `density` that it was drawn with, a constant; 1, without a gradient, where the density is 0."""
+    constant = density.detach()
+    ok = constant > smallest(constant.dtype)
+    return torch.where(ok, value, 1.0) / torch.where(ok, constant, 1.0)
 
 
 def log1p(x: Tensor) -> Tensor:

@@ -91,7 +91,7 @@ def energies(tally: Tally) -> dict[str, Any]:
     names = ("reflected", "reflected_stderr", "transmitted", "transmitted_stderr")
     return {name: getattr(tally, name)[:, 0].tolist() for name in names} | {
         "total": tally.total[0].item(),
-        "rest": tally.rest[0].item(),
+        "remaining": tally.remaining[0].item(),
         "n": tally.n,
     }
 

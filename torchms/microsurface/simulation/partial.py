@@ -18,7 +18,7 @@ class Partial:
 
     reflected: np.ndarray
     transmitted: np.ndarray
-    rest: np.ndarray
+    remaining: np.ndarray
     leaked: np.ndarray
     lobes: np.ndarray
     counts: np.ndarray
@@ -33,7 +33,7 @@ class Partial:
         return Partial(
             reflected=np.zeros((groups, orders, channels), dtype=np.int64),
             transmitted=np.zeros((groups, orders, channels), dtype=np.int64),
-            rest=np.zeros((groups, channels), dtype=np.int64),
+            remaining=np.zeros((groups, channels), dtype=np.int64),
             leaked=np.zeros((groups, channels), dtype=np.int64),
             lobes=np.zeros((groups, planes, N_COS, N_PHI, channels), dtype=np.int64),
             counts=np.zeros((groups, len(COUNTERS)), dtype=np.int64),

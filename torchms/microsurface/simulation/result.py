@@ -15,8 +15,8 @@ def tally(plan: Plan, total: Partial) -> Tally:
     rays = total.counts[:, 0].astype(np.float64)
     reflected, transmitted = _mean(total.reflected, rays), _mean(total.transmitted, rays)
     out = _mean(total.reflected.sum(1) + total.transmitted.sum(1), rays)
-    rest, leaked = _mean(total.rest, rays), _mean(total.leaked, rays)
-    lost, absorbed = _mean(total.rest + total.leaked, rays), 1 - out[0] - rest[0] - leaked[0]
+    remaining, leaked = _mean(total.remaining, rays), _mean(total.leaked, rays)
+    lost, absorbed = _mean(total.remaining + total.leaked, rays), 1 - out[0] - remaining[0] - leaked[0]
     segments = int(total.counts[:, COUNTERS.index("segments")].sum())
     lobes = None
     if plan.lobes:
@@ -40,8 +40,8 @@ def tally(plan: Plan, total: Partial) -> Tally:
             "variance_per_surface": variance.tolist(),
         },
     } | {name: int(total.counts[:, i].sum()) for i, name in enumerate(COUNTERS)}
-    names = ("reflected", "transmitted", "total", "rest")
-    pairs = dict(zip(names, (reflected, transmitted, out, rest), strict=True))
+    names = ("reflected", "transmitted", "total", "remaining")
+    pairs = dict(zip(names, (reflected, transmitted, out, remaining), strict=True))
     energies = {name: torch.from_numpy(mean) for name, (mean, _) in pairs.items()}
     errors = {f"{name}_stderr": torch.from_numpy(stderr) for name, (_, stderr) in pairs.items()}
     return Tally(

@@ -91,8 +91,8 @@ def settle(order, factor, weighted, weight, reflected, transmitted, leaked, lobe
 
 @njit(nogil=True, cache=True)
 @no_type_check
-def remaining(factor, weighted, weight, rest, n):
-    """Add the energy of the first n rays to `rest` (C,)."""
+def remaining(factor, weighted, weight, total, n):
+    """Add the energy of the first n rays to `total` (C,)."""
     for r in range(n):
         for c in range(factor.shape[0]):
-            rest[c] += in_steps(factor[c] * weight[r, c] if weighted else factor[c])
+            total[c] += in_steps(factor[c] * weight[r, c] if weighted else factor[c])

@@ -38,7 +38,7 @@ def run_shard(plan: Plan, shard: Shard, grid: Grid, caster: Caster, measured: np
             p.n = settle(events, material.factor(events), material.weighted, p.weight, *energies, *place, p.n)
             if not p.n:
                 break
-        remaining(material.factor(plan.max_order), material.weighted, p.weight, found.rest[0], p.n)
+        remaining(material.factor(plan.max_order), material.weighted, p.weight, found.remaining[0], p.n)
     found.counts[0] = (shard.rays, segments, trace.casts, trace.repeats, trace.leaked)
     return found
 
