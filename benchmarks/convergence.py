@@ -99,7 +99,10 @@ def run(size: int, K: int, counts: list[int], repeats: int, reference_paths: int
     wi, wo = slab_pixels(size)
     rows = []
     for alpha in ALPHAS[1::2] if quick else ALPHAS:
-        surface = lambda scattering, a=alpha: ms.RoughConductor(ms.GGX(a), Ideal(), scattering)  # noqa: E731
+
+        def surface(scattering: ms.Scattering, alpha: float = alpha) -> ms.BSDF:
+            return ms.RoughConductor(ms.GGX(alpha), Ideal(), scattering)
+
         truths = {
             model: reference(surface(ms.Bidirectional(segment(), K)), wi, wo, reference_paths)
             for model, segment in SEGMENTS.items()

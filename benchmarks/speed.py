@@ -375,7 +375,7 @@ def compiling() -> list[dict[str, Any]]:
     folder = build.folder
     for name, scattering in cases.items():
         with tempfile.TemporaryDirectory() as place:
-            build.folder = functools.partial(Path, place)  # type: ignore[assignment]
+            build.folder = functools.partial(Path, place)
             engine._programs.clear()
             alpha = torch.nn.Parameter(torch.tensor(0.5))
             fast = ms.compile(ms.RoughConductor(ms.GGX(alpha), Ideal(), scattering()), verbose=False)

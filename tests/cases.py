@@ -190,9 +190,13 @@ def slow_if_heavy(key: Any) -> list[pytest.MarkDecorator]:
     return [pytest.mark.slow] if key in HEAVY else []
 
 
-def models(materials: Iterable[str] = ONE_OF_EACH, scatterings: Iterable[str] = SCATTERINGS) -> pytest.MarkDecorator:
-    """Parametrize over material × scattering, as far as the one takes the other."""
-    pairs = [(m, s) for m, s in itertools.product(materials, scatterings) if serves(m, s)]
+def models(
+    materials: Iterable[str] = ONE_OF_EACH,
+    scatterings: Iterable[str] = SCATTERINGS,
+    where: Callable[[str, str], bool] = lambda material, scattering: True,
+) -> pytest.MarkDecorator:
+    """Parametrize over material × scattering, as far as the one takes the other, `where` a law is about them."""
+    pairs = [(m, s) for m, s in itertools.product(materials, scatterings) if serves(m, s) and where(m, s)]
     return pytest.mark.parametrize(
         "material,scattering",
         [pytest.param(*pair, marks=slow_if_heavy(pair[1]), id="-".join(pair)) for pair in pairs],

@@ -96,6 +96,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
     ],
     ("symmetry", "scattering"): [
         "test_reciprocity::test_reciprocity_in_expectation",
+        "test_path_integral::test_second_order_is_reciprocal = correlated, bidirectional-correlated",
         "test_compensation::test_kulla_conty_is_reciprocal = kulla-conty",
         "test_compensation::test_turquin_is_not = turquin",
         "test_distilled::test_reciprocity_and_the_symmetries_of_the_surface",

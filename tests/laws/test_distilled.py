@@ -217,4 +217,4 @@ def test_what_it_does_not_hold_for_is_refused():
         with pytest.raises(ValueError, match=r"must lie in \[0.03, 1\].*approximations\.distil"):
             RoughConductor(GGX(*alpha), Ideal(), model)
     with pytest.raises(TypeError, match="must be the path"):
-        Distilled(3)  # type: ignore[arg-type]
+        Distilled(3)

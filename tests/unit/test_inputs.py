@@ -120,7 +120,7 @@ def small_files() -> dict[str, bytes]:
     found = {".npy": saved(heights), ".exr": exr_bytes(torch.from_numpy(generator.random((8, 16, 3))))}
     for suffix in inputs.MESHES:
         data = surface.mesh.export(file_type=suffix[1:])
-        found[suffix] = data.encode() if isinstance(data, str) else bytes(data)  # type: ignore[arg-type]
+        found[suffix] = data.encode() if isinstance(data, str) else bytes(data)
     for suffix, kind, pixels in (
         (".png", "PNG", (heights * 65535).astype(np.uint16)),
         (".tif", "TIFF", heights.astype(np.float32)),
@@ -167,7 +167,7 @@ def test_a_mesh_of_many_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "again", geometry=both.graph[box][1], matrix=trimesh.transformations.translation_matrix([3, 0, 0])
     )
     path = tmp_path / "two.glb"
-    path.write_bytes(both.export(file_type="glb"))  # type: ignore[arg-type]
+    path.write_bytes(both.export(file_type="glb"))
     assert len(inputs.read_mesh(path).faces) == 24
     monkeypatch.setattr(inputs, "MOST_TRIANGLES", 20)
     with pytest.raises(ValueError, match="holds 24 triangles; at most 20 are read"):

@@ -4,17 +4,20 @@ import os
 import signal
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from forked import Forked
 
 from torchms import cli
-from torchms.cli import export, figures, render, simulate  # noqa: F401  (loaded before the fork)
 from torchms.evaluation.workers import Workers
 from torchms.lobes import measure
 from torchms.microsurface.simulation import tracing
 from torchms.render import film
+
+for name in ("export", "figures", "render", "simulate"):  # loaded before the fork
+    import_module(f"torchms.cli.{name}")
 
 pytestmark = pytest.mark.usefixtures("messages")
 

@@ -4,13 +4,14 @@ import math
 
 import pytest
 import torch
-from cases import DISTRIBUTIONS, bsdf, direction, directions, each, sides
+from cases import DISTRIBUTIONS, bsdf, direction, directions, each, sides, slow_if_heavy
 from torch import Tensor
 
 from torchms.maths.frame import Vec3, split
 from torchms.testing import chi_square, estimate, exactly, p_value, sphere_cells, zscore
 
 VERTICES = {"conductor": "conductor[ideal]", "dielectric": "dielectric", "diffuse": "diffuse[white]"}
+DEAR = ("beckmann", "diffuse")
 VIEWS = {"above": 0.6, "grazing": 1.5, "below": 2.2}
 
 
@@ -19,8 +20,19 @@ def at(w: Tensor, n: int) -> Vec3:
     return Vec3(*w.expand(n, 3).unbind(-1))
 
 
-@each("vertex", VERTICES)
-@each("distribution", DISTRIBUTIONS)
+FACETS = [
+    pytest.param(
+        distribution,
+        vertex,
+        # A sum over 256 normals, as for GGX, each by Newton's method.
+        marks=[*slow_if_heavy(distribution), *([pytest.mark.slow] if (distribution, vertex) == DEAR else [])],
+    )
+    for distribution in DISTRIBUTIONS
+    for vertex in VERTICES
+]
+
+
+@pytest.mark.parametrize("distribution,vertex", FACETS)
 @each("view", VIEWS)
 def test_density_is_that_of_the_samples(vertex, distribution, view, generator, budget):
     """From either side of the horizon: `density` integrates to 1 and `sample` follows it (chi²); weights are the albedo."""

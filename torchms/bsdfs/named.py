@@ -32,6 +32,11 @@ SCATTERINGS: dict[str, Callable[[int], Scattering]] = {
 """What stands in the scattering slot, for so many bounces."""
 
 
+def maker_of(material: str) -> Callable[..., BSDF]:
+    """What makes a surface of that material: a function of the distribution, of what the facets do, and of a scattering."""
+    return MATERIALS[material]
+
+
 def material_of(bsdf: BSDF) -> str:
     """The name of its material; ValueError if it has none."""
     for name, kind in MATERIALS.items():

@@ -5,7 +5,7 @@ from dataclasses import fields
 import torch
 
 from torchms.bsdfs import BSDF
-from torchms.bsdfs.named import DISTRIBUTIONS, MATERIALS, SCATTERINGS, with_scattering
+from torchms.bsdfs.named import DISTRIBUTIONS, SCATTERINGS, maker_of, with_scattering
 from torchms.cli.arguments import parse_alpha
 from torchms.cli.expression import parse_bsdf
 from torchms.cli.options import ExportOptions, RenderOptions
@@ -65,7 +65,7 @@ def _by_name(options: SurfaceOptions, scattering: Scattering | None) -> BSDF:
         facet = Ideal() if options.metal is None else Conductor.metal(options.metal)
     else:
         facet = Dielectric(options.eta) if options.material == "dielectric" else options.albedo
-    return MATERIALS[options.material](distribution, facet, scattering)  # type: ignore[call-arg]
+    return maker_of(options.material)(distribution, facet, scattering)
 
 
 def build_distribution(options: SurfaceOptions) -> MicrofacetDistribution:

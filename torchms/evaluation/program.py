@@ -130,12 +130,12 @@ class Differentiated(torch.autograd.Function):
         return program.values(inputs)
 
     @staticmethod
-    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
         inputs: Inputs = ctx.inputs.with_tensors(ctx.saved_tensors)
         wanted = ctx.needs_input_grad[2:]
         if torch.is_grad_enabled() or threads.bound_to_this_thread() or not ctx.program.serves(inputs, wanted):
-            return None, None, *_eagerly(ctx.program, inputs, grads, wanted)
-        return None, None, *ctx.program.gradients(inputs, grads, wanted)
+            return None, None, *_eagerly(ctx.program, inputs, grad_outputs, wanted)
+        return None, None, *ctx.program.gradients(inputs, grad_outputs, wanted)
 
 
 def _eagerly(

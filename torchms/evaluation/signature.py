@@ -43,18 +43,18 @@ def structure(part: nn.Module, identified: list[Any], without: tuple[str, ...] =
     be compared, is added to `identified`. Attributes named in `without` do not count.
     """
     unseen = {*OF_ANY_MODULE, *without}
-    parametrized = parametrize.is_parametrized(part)
+    computed = part._modules.get("parametrizations") if parametrize.is_parametrized(part) else None
     tensors = {**part._buffers, **part._parameters}
-    if parametrized:
-        tensors |= dict.fromkeys(part._modules["parametrizations"]._modules, part)  # type: ignore[union-attr]
+    if computed is not None:
+        tensors |= dict.fromkeys(computed._modules, part)
     return (
-        type(part).__mro__[1] if parametrized else type(part),
+        type(part) if computed is None else type(part).__mro__[1],
         tuple((name, _frozen(v, identified)) for name, v in vars(part).items() if name not in unseen),
         tuple(sorted((name, x is None) for name, x in tensors.items())),
         tuple(
             (name, structure(child, identified, without))
             for name, child in part._modules.items()
-            if child is not None and not (parametrized and name == "parametrizations")
+            if child is not None and child is not computed
         ),
     )
 

@@ -1,6 +1,7 @@
 """`export`: one evaluator, one self-contained file."""
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 
 import torch
@@ -57,7 +58,8 @@ def exported(
     """What `export` writes, as bytes."""
     try:
         import onnx
-        import onnxscript  # noqa: F401  (torch.onnx needs it)
+
+        import_module("onnxscript")  # torch.onnx needs it
     except ImportError as error:
         raise ImportError(f"torchms.onnx.export needs {error.name}. {EXTRA}") from error
     graph = checked(bsdf, what, parameters, uniforms, n_paths)

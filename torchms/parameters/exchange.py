@@ -74,10 +74,10 @@ def with_parameters(module: M, values: Mapping[str, Tensor]) -> M:
         dict(module._buffers),
         dict(module._modules),
     )
-    if PARAMETRIZATIONS in clone._modules:
+    computed = clone._modules.pop(PARAMETRIZATIONS, None)
+    if computed is not None:
         # What is computed from another tensor becomes the tensor that it is now.
-        computed = clone._modules.pop(PARAMETRIZATIONS)
-        here = {name: getattr(module, name) for name in computed._modules} | here  # type: ignore[union-attr]
+        here = {name: getattr(module, name) for name in computed._modules} | here
         clone._buffers |= dict.fromkeys(here)
     for name, value in here.items():
         if name not in clone._parameters and name not in clone._buffers:

@@ -9,6 +9,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
+from torchms.bsdfs.base import BSDF
 from torchms.maths.frame import direction
 from torchms.parameters.exchange import parameters, weights, with_parameters
 
@@ -32,8 +33,8 @@ def plain(module: M) -> M:
     graphs = {name: x.detach() for name, x in weights(module).items() if not x.is_leaf}
     clone = copy.deepcopy(with_parameters(module, values | graphs)).double()
     clone.requires_grad_(False)
-    if hasattr(clone, "engine"):
-        clone.engine = None  # type: ignore[assignment]
+    if isinstance(clone, BSDF):
+        clone.engine = None
     return clone
 
 

@@ -31,7 +31,10 @@ def slopes_and_error(kappa: Tensor, gauss: Tensor) -> tuple[Tensor, Tensor]:
     # F(x) e^{κ²} = ∫_{−∞}^x (κ − s) e^{κ² − s²} ds, for κ < 0, and F(x) else; its forms that do not cancel.
     erfcx = scipy.special.erfcx
     shift = np.where(k < 0, k * k - x64 * x64, -x64 * x64)
-    ierfcx = lambda t: np.where(t < 10, 1 / math.sqrt(math.pi) - t * erfcx(t), quad_tail(t))  # noqa: E731
+
+    def ierfcx(t: np.ndarray) -> np.ndarray:
+        return np.where(t < 10, 1 / math.sqrt(math.pi) - t * erfcx(t), quad_tail(t))
+
     root = math.sqrt(math.pi) / 2
     below = root * np.exp(shift) * ((k - x64) * erfcx(np.abs(x64)) + ierfcx(np.abs(x64)))
     above = root * k * (1 + scipy.special.erf(x64)) + np.exp(-x64 * x64) / 2

@@ -241,7 +241,10 @@ def test_gradients(family, alpha, theta):
     m = direction(0.4, 2.0).requires_grad_()
     ax, ay = (torch.tensor(a, dtype=F64, requires_grad=True) for a in alpha)
     u = torch.tensor([[0.3, 0.6], [0.01, 0.2], [0.99, 0.97], [0.9999, 0.5], [1e-4, 0.5]], dtype=F64)
-    check = lambda f, *x: torch.autograd.gradcheck(f, x, eps=1e-7, atol=1e-4, rtol=1e-3)  # noqa: E731
+
+    def check(f: Callable[..., Tensor], *x: Tensor) -> bool:
+        return torch.autograd.gradcheck(f, x, eps=1e-7, atol=1e-4, rtol=1e-3)
+
     assert check(lambda m, ax, ay: family(ax, ay).D(m), m, ax, ay)
     assert check(lambda w, ax, ay: family(ax, ay).Lambda(w), w, ax, ay)
     assert check(lambda w, m, ax, ay: family(ax, ay).D_visible(w, m), w, m, ax, ay)

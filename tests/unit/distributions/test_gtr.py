@@ -263,7 +263,7 @@ def test_parameters_stay_parameters(messages):
     assert dict(GTR(alpha, gamma).named_parameters()) == {"alpha": alpha, "gamma": gamma}
     assert "alpha=0.5" in repr(GTR(0.5, 1.5)).replace(" ", "") and "gamma=1.5" in repr(GTR(0.5, 1.5)).replace(" ", "")
     with pytest.raises(TypeError, match="gamma"):
-        GTR(0.5, None)  # type: ignore[arg-type]
+        GTR(0.5, None)
 
 
 @pytest.mark.parametrize("gamma", [0.01, 0.5, 0.999, 1.3, 2.0, 2.5, 5.0, 10.0])

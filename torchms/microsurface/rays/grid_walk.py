@@ -1,6 +1,7 @@
 """The second tracer: a float64 walk over the heights themselves, without a mesh and without Embree."""
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,6 @@ class GridCaster(Caster):
 def require_numba() -> None:
     """Raise ImportError that says how to get Numba, if it is missing."""
     try:
-        import numba  # noqa: F401
+        import_module("numba")
     except ImportError as error:
         raise ImportError("torchms.microsurface needs Numba: pip install numba trimesh embreex.") from error

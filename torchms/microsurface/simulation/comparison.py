@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from torchms.bsdfs import BSDF
-from torchms.bsdfs.named import MATERIALS, SCATTERINGS, with_scattering
+from torchms.bsdfs.named import MATERIALS, SCATTERINGS, maker_of, with_scattering
 from torchms.distributions import Beckmann
 from torchms.fresnel import Dielectric, Ideal
 from torchms.lobes import Tally, measure
@@ -71,7 +71,7 @@ class Case:
         bsdf = self.bsdf
         if bsdf is None:
             facet = {"conductor": Ideal(), "dielectric": Dielectric(self.eta), "diffuse": 1.0}[self.material]
-            bsdf = MATERIALS[self.material](Beckmann(*self.alpha), facet)  # type: ignore[call-arg]
+            bsdf = maker_of(self.material)(Beckmann(*self.alpha), facet)
         return with_scattering(bsdf, SCATTERINGS[MODELS[model]](self.max_order))
 
     def simulated(self, surfaces: int, size: int, rays: float | int, seed: int, tracer: Tracer) -> Tally:
