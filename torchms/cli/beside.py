@@ -42,7 +42,7 @@ def beside(surface: Tally, bsdf: BSDF, options: SimulateOptions) -> dict[str, An
 
 def table(surface: Tally, model: dict[str, Any]) -> str:
     """Surface and model as text: a row for each order that light leaves after, on either side, and one for all together."""
-    rows = [COLUMNS]
+    rows: list[tuple[str, ...]] = [COLUMNS]
     for side in ("reflected", "transmitted"):
         simulated = zip(getattr(surface, side).tolist(), getattr(surface, f"{side}_stderr").tolist(), strict=True)
         walked = zip(model[side], model[f"{side}_stderr"], model["z"][side], strict=False)
