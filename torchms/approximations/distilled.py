@@ -29,13 +29,13 @@ from torchms.paths.vertex import Vertex
 from torchms.sampling.proposals import Proposal
 
 KNOWN = ("GGX", "Beckmann")
-NETWORKS: dict[str, tuple[int, int]] = {
-    "metal": (metal_features.FEATURES, metal_lobes.OUTPUTS),
-    "diffuse": (diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
-    "reflected": (glass_lobes.REFLECTED, 1),
-    "transmitted": (glass_lobes.TRANSMITTED, 1),
+NETWORKS = {
+    "metal": files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE),
+    "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
+    "reflected": files.Shape(glass_lobes.REFLECTED, 1),
+    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
 }
-"""What a file may be about, and inputs and outputs of its network. Glass takes both of the last."""
+"""What a file may be about. Glass takes both of the last."""
 FACETS: dict[type[Vertex], str] = {Mirror: "metal", Diffuse: "diffuse", Refractive: "glass"}
 REMEDY = "Use HeightWalk(), which is exact, or KullaConty()."
 
@@ -88,7 +88,7 @@ class Distilled(Scattering):
         self.certificates[f"{each.distribution} {each.facet}"] = each.certificate
         low, high = each.alpha
         if each.facet == "metal":
-            key, lobes = f"{each.distribution} metal", MetalLobes(each.layers, each.skip)
+            key, lobes = f"{each.distribution} metal", MetalLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:
