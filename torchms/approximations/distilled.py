@@ -1,5 +1,6 @@
 """All bounces at the price of a look-up: what the exact estimators give in expectation, learned once."""
 
+import functools
 from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
@@ -191,6 +192,7 @@ class Distilled(Scattering):
         return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.ranges.items())
 
 
+@functools.cache
 def packaged(distribution: str, facet: str) -> files.Distillate:
     """The lobes that come with torchms."""
     name = f"distilled_{distribution.lower()}_{facet}.npz"
