@@ -23,7 +23,7 @@ from torchms.maths.frame import Vec3
 OUTPUTS = 7
 MOST_FALL = 0.95
 """Largest ratio of one order to the one before it."""
-EXPONENT = (-14.0, 6.0)
+EXPONENT = (-14.0, 12.0)
 """Range of ln g: no network that was trained leaves it, and none overflows."""
 
 

@@ -34,13 +34,13 @@ class Options:
     """The file."""
     work: Path = Path("build/distil")
     """Folder of blocks of data and of checkpoints, one a set of options."""
-    blocks: int = 48
+    blocks: int = 22
     """Blocks of 65 536 pairs of directions."""
     paths: tuple[int, int] = (48, 144)
     """Bidirectional paths of each for two and three bounces, and walks for more."""
     steps: int = 1000
     """Steps of Adam."""
-    refinements: int = 240
+    refinements: int = 160
     """Levenberg-Marquardt steps after them."""
     cells: int = 2048
     """Directions of incidence at which energies are balanced."""
@@ -85,7 +85,7 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
     rows, lobe, targets = blocks.loaded(folder, options.blocks)
     inputs = training.inputs_of(kind, rows)
     weights = Weights(options.widths, options.each, inputs)
-    inputs, floor = weights.standardised(inputs), training.floors(kind, rows)
+    inputs, floor = weights.standardised(inputs), training.floors(kind, rows, targets[:, 0])
     where = surfaces(options.alpha, options.cells, generator_for(options.seed + 1))
     pairs, cosines, lost = energies.pairs(kind, where, options.seed + 2)
     cells = energies.Cells(weights.standardised(training.inputs_of(kind, pairs)), cosines, lost)

@@ -36,7 +36,10 @@ class Level:
         level, columns = _derivatives(pair, inputs.pair)
         one, of_one = _derivatives(each, inputs.one)
         other, of_other = _derivatives(each, inputs.other)
-        return torch.exp((level + one + other).clamp(*EXPONENT)), torch.cat([columns, of_one + of_other], 1)
+        level, columns = level + one + other, torch.cat([columns, of_one + of_other], 1)
+        low, high = EXPONENT
+        inside = (level > low) & (level < high)
+        return torch.exp(level.clamp(low, high)), columns * inside[:, None]
 
 
 def _derivatives(net: Net, inputs: Tensor) -> tuple[Tensor, Tensor]:

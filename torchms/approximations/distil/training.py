@@ -27,6 +27,8 @@ BATCH = 8192
 CELLS = 4
 """Directions of incidence whose energy a step looks at."""
 RATE = 6e-3
+FIRST = 0.3
+"""Share of one bounce's value that a row's error is measured by, if that is more than all others."""
 SAVED = 500
 """Steps between two checkpoints."""
 SIDE, MOMENT, TAIL, ENERGY = 0.3, 0.1, 0.003, 300.0
@@ -47,8 +49,11 @@ def inputs_of(kind: str, rows: Rows, step: int = 8192) -> Inputs:
 
 
 @torch.no_grad()
-def floors(kind: str, rows: Rows, step: int = 8192) -> Tensor:
-    """f [1/sr] below which errors do not count more: of the rest's own size, and of that of the whole lobe."""
+def floors(kind: str, rows: Rows, first: Tensor, step: int = 8192) -> Tensor:
+    """f [1/sr] below which errors do not count more: of the rest's own size, and of that of the whole lobe.
+
+    first: f of one bounce (n) [1/sr], beside which the rest may be small.
+    """
     table = AlbedoTable.packaged(kind)
     parts = []
     for start in range(0, len(rows.ax), step):
@@ -59,7 +64,7 @@ def floors(kind: str, rows: Rows, step: int = 8192) -> Tensor:
         # The root mean square of a lobe of one bounce is about 0.11 / √(α_x α_y).
         lobe = 0.11 / torch.sqrt(some.ax * some.ay) / some.wo[:, 2].clamp_min(0.2)
         parts.append(torch.sqrt((0.3 * size) ** 2 + (0.1 * lobe) ** 2))
-    return torch.cat(parts)
+    return torch.hypot(torch.cat(parts), FIRST * first)
 
 
 def loss(outputs: Tensor, targets: Tensor, floor: Tensor) -> Tensor:
