@@ -75,7 +75,9 @@ def draw_lobes(path: Path) -> None:
         axis.set_title(f"{kind}, α = {', '.join(f'{a:g}' for a in alpha)}, θ = {theta:g} rad", fontsize=10, y=0.9)
         axis.tick_params(labelsize=7)
         axis.yaxis.set_major_locator(plt.MaxNLocator(3))
-    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=9, loc="lower center", ncols=len(MODELS), frameon=False)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), fontsize=9, loc="lower center", ncols=len(MODELS), frameon=False
+    )
     figure.text(0.99, 0.03, "f cos θ_o [1/sr], F = 1, light from the left", ha="right", fontsize=8)
     figure.subplots_adjust(left=0.02, right=0.98, wspace=0.12, top=1.02, bottom=0.0)
     figure.savefig(path, dpi=90)

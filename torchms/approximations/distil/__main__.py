@@ -114,10 +114,10 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
             folder / "refinement.npz",
             advance,
         )
-    others = 2 * options.steps
+    others = max(options.steps // 5, 4)
     with progress_bar("other outputs", others) as advance:
-        vector = refinement.others_anew(weights, vector, data, targets, others, options.seed + 6, advance)
-    pair, each = weights.folded(vector)
+        rest = refinement.others_anew(weights, vector, data, targets, others, advance)
+    pair, each = weights.folded(vector, rest)
     found = files.Distillate("metal", kind, options.alpha, *pair, {}, each)
     errors = held_out.summary(
         MetalLobes(found),

@@ -15,8 +15,8 @@ from torch import Tensor
 from torchms.approximations.distil.energies import POINTS, Cells
 from torchms.approximations.distil.level import Level
 from torchms.approximations.distil.rows import OUTGOING
-from torchms.approximations.distil.training import BATCH, loss
-from torchms.approximations.distil.weights import Inputs, Weights
+from torchms.approximations.distil.training import loss
+from torchms.approximations.distil.weights import Inputs, Net, Weights
 from torchms.approximations.network import Layer, soft_sign
 from torchms.sampling.uniforms import generator_for, integers
 from torchms.storage.archives import read_arrays
@@ -31,6 +31,8 @@ LAST, MORE = 0.1, 4
 CHUNK = 16384
 LOBE, RELATIVE, ENERGY = 10.0, 0.15, 100.0
 """Weights of relative squares of lobes, of relative squares of values, and of squares of energies."""
+OTHERS = 1 << 19
+"""Rows that the other outputs are fitted to."""
 FAR = 4e-3
 """Errors of energies from which on they do not count as squares."""
 SMALLEST, LARGEST = 1e-8, 1e4
@@ -178,30 +180,32 @@ def _in_parts(cells: Cells) -> Iterator[Cells]:
 
 
 def others_anew(
-    weights: Weights, vector: Tensor, data: Data, targets: Tensor, steps: int, seed: int, advance: Callable[[int], None]
-) -> Tensor:
-    """`vector` with the last layer's rows of all outputs but the first fitted again, by Adam; ln g stays."""
+    weights: Weights, vector: Tensor, data: Data, targets: Tensor, steps: int, advance: Callable[[int], None]
+) -> Net:
+    """The last layer of all outputs but the first (6, hidden), (6) and their linear parts (6, FEATURES), by L-BFGS.
+
+    ln g and the hidden layers, which were refined for it, stay.
+    """
+    data, targets = data.part(0, min(OTHERS, len(data.f))), targets[:OTHERS]
     layers, _ = weights.split(vector)[0]
     weight, offset = layers[-1]
-    rows, shifts = weight[1:].clone().requires_grad_(True), offset[1:].clone().requires_grad_(True)
     with torch.no_grad():
-        hidden = torch.cat([_hidden(layers, x.pair) for x in data.inputs.split(CHUNK)])
+        known = torch.cat([_hidden(layers, data.inputs.pair), data.inputs.pair], 1)
         level = torch.cat([weights.outputs(vector, x)[:, :1] for x in data.inputs.split(CHUNK)])
-    starts = integers(0, len(hidden) - BATCH + 1, (steps,), generator_for(seed))
-    optimizer = torch.optim.Adam([rows, shifts], lr=1e-2)
-    for step in range(steps):
-        optimizer.param_groups[0]["lr"] = 1e-2 * (1 - step / steps) + 1e-5
-        here = slice(int(starts[step]), int(starts[step]) + BATCH)
-        outputs = torch.cat([level[here], torch.addmm(shifts, hidden[here], rows.T)], 1)
+    rows = torch.cat([weight[1:], torch.zeros(len(weight) - 1, data.inputs.pair.shape[1])], 1).requires_grad_(True)
+    shifts = offset[1:].clone().requires_grad_(True)
+    optimizer = torch.optim.LBFGS([rows, shifts], max_iter=steps, history_size=20, line_search_fn="strong_wolfe")
+
+    def value() -> Tensor:
         optimizer.zero_grad(set_to_none=True)
-        loss(outputs, targets[here], data.floor[here]).backward()
-        optimizer.step()
-        advance(1)
-    found = vector.clone()
-    weight, offset = weights.split(found)[0][0][-1]
-    with torch.no_grad():
-        weight[1:], offset[1:] = rows, shifts
-    return found
+        found = loss(torch.cat([level, torch.addmm(shifts, known, rows.T)], 1), targets, data.floor)
+        found.backward()
+        return found
+
+    optimizer.step(value)
+    advance(steps)
+    hidden = weight.shape[1]
+    return [(rows.detach()[:, :hidden], shifts.detach())], rows.detach()[:, hidden:]
 
 
 def _hidden(layers: list[Layer], x: Tensor) -> Tensor:

@@ -93,9 +93,18 @@ class Weights:
         of_one = outputs(each, inputs.one) + outputs(each, inputs.other)
         return torch.cat([found[:, :1] + of_one, found[:, 1:]], 1)
 
-    def folded(self, vector: Tensor) -> tuple[Net, Net]:
-        """Both networks for features as they are; the linear parts (outputs, features)."""
+    def folded(self, vector: Tensor, others: Net | None = None) -> tuple[Net, Net]:
+        """Both networks for features as they are; the linear parts (outputs, features).
+
+        others: last layer and linear part of all outputs but the first, in place of those in the vector.
+        """
         pair, each = self.split(vector.detach().double())
+        layers, skip = pair
+        skip = torch.cat([skip[None], torch.zeros(OUTPUTS - 1, FEATURES, dtype=skip.dtype)])
+        if others is not None:
+            ((weight, offset),), skip[1:] = others
+            layers[-1][0][1:], layers[-1][1][1:] = weight, offset
+        pair, each = (layers, skip), (each[0], each[1][None])
         return _folded(pair, self.mean, self.spread), _folded(each, self.mean_of_one, self.spread_of_one)
 
 
@@ -124,9 +133,5 @@ def _folded(net: Net, mean: Tensor, spread: Tensor) -> Net:
     weight, offset = layers[0]
     layers[0] = weight / spread, offset - weight @ (mean / spread)
     weight, offset = layers[-1]
-    offset = offset.clone()
-    offset[0] -= skip @ (mean / spread)
-    layers[-1] = weight, offset
-    whole = torch.zeros(len(weight), len(skip), dtype=torch.float64)
-    whole[0] = skip / spread
-    return [(w.float(), b.float()) for w, b in layers], whole.float()
+    layers[-1] = weight, offset - skip @ (mean / spread)
+    return [(w.float(), b.float()) for w, b in layers], (skip / spread).float()
