@@ -47,7 +47,7 @@ tables: $(STAMP)  ## the albedo tables of the compensations, a few minutes
 	$(BIN)/python -m tools.generate_tables
 
 distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the package: about half an hour on two idle cores
-	$(BIN)/python -m torchms.approximations.distil --distribution GGX --force --out torchms/approximations/distilled_ggx_metal.npz
+	$(BIN)/python -m torchms.approximations.distil --distribution GGX --blocks 48 --force --out torchms/approximations/distilled_ggx_metal.npz
 	$(BIN)/python -m torchms.approximations.distil --distribution Beckmann --force --out torchms/approximations/distilled_beckmann_metal.npz
 
 export: $(STAMP)  ## the set of ONNX files with its parity table

@@ -8,7 +8,7 @@ import torch
 from cases import METHODS, bsdf, direction, directions, each, models
 from torch import nn
 
-from torchms import GGX, RoughConductor, RoughDielectric, RoughDiffuse, Uncorrelated, Unidirectional
+from torchms import GGX, Invariance, RoughConductor, RoughDielectric, RoughDiffuse, Uncorrelated, Unidirectional
 from torchms.bsdfs.compile import Engine
 from torchms.evaluation import blocks
 from torchms.fresnel import Conductor, Dielectric, Schlick
@@ -80,11 +80,11 @@ def test_a_row_is_what_it_is_alone(method, generator):
     alpha = torch.rand(6, generator=generator, dtype=torch.float64) + 0.1
     f0 = torch.rand(6, 3, generator=generator, dtype=torch.float64)
     wi, wo = directions(6, generator, 0.1), directions(6, generator, 0.1)
-    surface = RoughConductor(GGX(alpha), Schlick(f0))
+    surface = RoughConductor(GGX(alpha), Schlick(f0), Unidirectional(Invariance()))
     u = surface.uniforms((6,), 3, generator=generator)
     together = METHODS[method](surface, wi, wo, u)
     for i in range(6):
-        alone = RoughConductor(GGX(alpha[i]), Schlick(f0[i]))
+        alone = RoughConductor(GGX(alpha[i]), Schlick(f0[i]), Unidirectional(Invariance()))
         same(METHODS[method](alone, wi[i], wo[i], u[i]), [x[i] for x in together])
 
 
@@ -116,10 +116,11 @@ def test_everything_broadcasts(method, generator):
     wo = directions(4, generator, 0.1).reshape(1, 4, 3)
     alpha = torch.rand(4, generator=generator, dtype=torch.float64) + 0.1
     f0 = torch.rand(3, 1, 2, generator=generator, dtype=torch.float64)
-    surface = RoughConductor(GGX(alpha), Schlick(f0))
+    surface = RoughConductor(GGX(alpha), Schlick(f0), Unidirectional(Invariance()))
     u = surface.uniforms((2, 1, 1), 3, generator=generator)
     batch = (2, 3, 4)
-    by_hand = RoughConductor(GGX(alpha.expand(batch).clone()), Schlick(f0.expand(*batch, 2).clone()))
+    f0_by_hand = Schlick(f0.expand(*batch, 2).clone())
+    by_hand = RoughConductor(GGX(alpha.expand(batch).clone()), f0_by_hand, Unidirectional(Invariance()))
     full = (wi.expand(*batch, 3).clone(), wo.expand(*batch, 3).clone(), u.expand(*batch, *u.shape[-2:]).clone())
     ours, expected = METHODS[method](surface, wi, wo, u), METHODS[method](by_hand, *full)
     if method == "pdf":  # which takes no u
@@ -190,7 +191,9 @@ def test_maps_of_every_parameter(generator):
     wi, wo = (directions(6, generator, 0.1).reshape(*shape, 3) for _ in range(2))
     a, b, c = (0.1 + torch.rand(3, *shape, generator=generator, dtype=torch.float64)).unbind(0)
     for make in (
-        lambda i: RoughConductor(GGX(a[i], b[i]), Conductor(b[i][..., None], c[i][..., None])),
+        lambda i: RoughConductor(
+            GGX(a[i], b[i]), Conductor(b[i][..., None], c[i][..., None]), Unidirectional(Invariance())
+        ),
         lambda i: RoughDielectric(GGX(a[i]), Dielectric(1.1 + c[i])),
         lambda i: RoughDiffuse(GGX(a[i]), c[i][..., None].clamp_max(1)),
     ):

@@ -9,8 +9,10 @@ from cases import MATERIALS, SCATTERINGS, bsdf, direction, directions, each, mod
 import torchms
 from torchms import (
     GGX,
+    GTR,
     Beckmann,
     Correlated,
+    Distilled,
     HeightWalk,
     Invariance,
     RoughConductor,
@@ -197,8 +199,10 @@ def test_deterministic_values_need_no_numbers():
 
 
 def test_defaults():
-    """The exact model of each material, eight orders."""
-    assert isinstance(RoughConductor(GGX(0.5), Ideal()).scattering.segment, Invariance)
+    """Metal without noise where lobes were distilled; elsewhere the exact model of each material, eight orders."""
+    assert isinstance(RoughConductor(Beckmann(0.5, 0.03), Ideal()).scattering, Distilled)
+    assert isinstance(RoughConductor(GTR(0.5, 2.0), Ideal()).scattering.segment, Invariance)
+    assert isinstance(RoughConductor(GGX(torch.tensor([0.5, 1.2])), Ideal()).scattering.segment, Invariance)
     assert isinstance(RoughDiffuse(GGX(0.5), 0.5).scattering.segment, Invariance)
     glass = RoughDielectric(GGX(0.5), Dielectric(1.5))
     assert isinstance(glass.scattering, HeightWalk) and glass.mode == "radiance" and glass.max_order == 8

@@ -9,7 +9,7 @@ import torch
 from torchms import GGX, Distilled, RoughConductor
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distilled import NETWORKS
-from torchms.approximations.metal_features import FEATURES
+from torchms.approximations.metal_features import FEATURES, OF_ONE
 from torchms.approximations.metal_lobes import OUTPUTS
 from torchms.fresnel import Ideal
 
@@ -21,7 +21,12 @@ def made(generator: torch.Generator, alpha: tuple[float, float] = (0.2, 0.6)) ->
         (torch.randn(OUTPUTS, 4, generator=generator), torch.randn(OUTPUTS, generator=generator)),
     ]
     skip = torch.randn(OUTPUTS, FEATURES, generator=generator)
-    return files.Distillate("metal", "GGX", alpha, layers, skip, {"command": "none", "seed": 3})
+    each = [
+        (torch.randn(3, OF_ONE, generator=generator), torch.randn(3, generator=generator)),
+        (torch.randn(1, 3, generator=generator), torch.randn(1, generator=generator)),
+    ]
+    of_one = each, torch.randn(1, OF_ONE, generator=generator)
+    return files.Distillate("metal", "GGX", alpha, layers, skip, {"command": "none", "seed": 3}, of_one)
 
 
 def test_what_is_written_is_read(tmp_path: Path, generator: torch.Generator) -> None:
@@ -30,7 +35,8 @@ def test_what_is_written_is_read(tmp_path: Path, generator: torch.Generator) -> 
     files.write(path, content)
     found = files.read(path, NETWORKS)
     assert found.certificate == content.certificate and found.alpha == content.alpha
-    for (a, b), (c, d) in zip(found.layers, content.layers, strict=True):
+    assert found.each is not None and content.each is not None
+    for (a, b), (c, d) in zip((*found.layers, *found.each[0]), (*content.layers, *content.each[0]), strict=True):
         torch.testing.assert_close((a, b), (c, d), rtol=0, atol=0)
     model = Distilled(path)
     assert model.certificates["GGX metal"]["seed"] == 3
@@ -68,7 +74,9 @@ def test_other_files_are_refused(tmp_path: Path, generator: torch.Generator) -> 
     refused("no readable certificate", certificate=np.array("{"))
     refused("which is no range", alpha=np.array([0.5, 0.1]))
     refused("lacks 'skip'", skip=None)
+    refused("lacks 'each_skip'", each_skip=None)
     refused("must have shape", weight_0=arrays["weight_0"][:, :-1])
+    refused("must have shape", each_weight_1=arrays["each_weight_1"][:, :-1])
     refused("finite numbers", offset_1=np.full_like(arrays["offset_1"], np.nan))
     refused("must be float32", weight_1=arrays["weight_1"].astype(np.float64))
     refused("0 layers", weight_0=None, weight_1=None)

@@ -1,5 +1,6 @@
 """All bounces at the price of a look-up: what the exact estimators give in expectation, learned once."""
 
+import functools
 from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
@@ -29,13 +30,13 @@ from torchms.paths.vertex import Vertex
 from torchms.sampling.proposals import Proposal
 
 KNOWN = ("GGX", "Beckmann")
-NETWORKS: dict[str, tuple[int, int]] = {
-    "metal": (metal_features.FEATURES, metal_lobes.OUTPUTS),
-    "diffuse": (diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
-    "reflected": (glass_lobes.REFLECTED, 1),
-    "transmitted": (glass_lobes.TRANSMITTED, 1),
+NETWORKS = {
+    "metal": files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE),
+    "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
+    "reflected": files.Shape(glass_lobes.REFLECTED, 1),
+    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
 }
-"""What a file may be about, and inputs and outputs of its network. Glass takes both of the last."""
+"""What a file may be about. Glass takes both of the last."""
 FACETS: dict[type[Vertex], str] = {Mirror: "metal", Diffuse: "diffuse", Refractive: "glass"}
 REMEDY = "Use HeightWalk(), which is exact, or KullaConty()."
 
@@ -88,7 +89,7 @@ class Distilled(Scattering):
         self.certificates[f"{each.distribution} {each.facet}"] = each.certificate
         low, high = each.alpha
         if each.facet == "metal":
-            key, lobes = f"{each.distribution} metal", MetalLobes(each.layers, each.skip)
+            key, lobes = f"{each.distribution} metal", MetalLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:
@@ -191,6 +192,7 @@ class Distilled(Scattering):
         return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.ranges.items())
 
 
+@functools.cache
 def packaged(distribution: str, facet: str) -> files.Distillate:
     """The lobes that come with torchms."""
     name = f"distilled_{distribution.lower()}_{facet}.npz"

@@ -23,11 +23,20 @@ REMEDY = "Write it again: python -m torchms.approximations.distil."
 MOST_LAYERS = 8
 
 
+class Shape(NamedTuple):
+    """Inputs and outputs of a facet's network, and inputs of that of one direction, which has one output; 0 if it has none."""
+
+    inputs: int
+    outputs: int
+    of_one: int = 0
+
+
 class Distillate(NamedTuple):
     """What a file holds.
 
     facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
     roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
+    each: weights of what either direction brings, if there is that.
     """
 
     facet: str
@@ -36,6 +45,7 @@ class Distillate(NamedTuple):
     layers: list[Layer]
     skip: Tensor
     certificate: dict[str, Any]
+    each: tuple[list[Layer], Tensor] | None = None
 
 
 def write(path: str | Path, distillate: Distillate, force: bool = False) -> None:
@@ -46,18 +56,20 @@ def write(path: str | Path, distillate: Distillate, force: bool = False) -> None
         "distribution": np.array(distillate.distribution),
         "alpha": np.array(distillate.alpha, dtype=np.float64),
         "certificate": np.array(json.dumps(distillate.certificate, allow_nan=False)),
-        "skip": distillate.skip.detach().float().numpy(),
     }
-    for k, (weight, offset) in enumerate(distillate.layers):
-        content[f"weight_{k}"] = weight.detach().float().numpy()
-        content[f"offset_{k}"] = offset.detach().float().numpy()
+    networks = {"": (distillate.layers, distillate.skip)} | ({"each_": distillate.each} if distillate.each else {})
+    for name, (layers, skip) in networks.items():
+        content[f"{name}skip"] = skip.detach().float().numpy()
+        for k, (weight, offset) in enumerate(layers):
+            content[f"{name}weight_{k}"] = weight.detach().float().numpy()
+            content[f"{name}offset_{k}"] = offset.detach().float().numpy()
     file = io.BytesIO()
     np.savez_compressed(file, **content)
     write_whole(path, file.getvalue(), force)
 
 
-def read(path: str | Path, networks: Mapping[str, tuple[int, int]]) -> Distillate:
-    """The distillate in the file `path`, about one of these facets; `networks` has the inputs and outputs of each.
+def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
+    """The distillate in the file `path`, about one of these facets.
 
     Raises FileNotFoundError for none, ValueError for a file that is damaged, of another format or facet, or whose weights
     do not fit together or are not finite; nothing is unpickled, and no array is read before its size is known to fit.
@@ -76,7 +88,7 @@ def read(path: str | Path, networks: Mapping[str, tuple[int, int]]) -> Distillat
     facet = str(scalar(arrays, "facet", otherwise, REMEDY))
     if facet not in networks:
         raise ValueError(f"{path.name} is about {facet}; known are {', '.join(networks)}.")
-    inputs, outputs = networks[facet]
+    shape = networks[facet]
     try:
         certificate = json.loads(str(scalar(arrays, "certificate", otherwise, REMEDY)))
     except json.JSONDecodeError as error:
@@ -84,25 +96,28 @@ def read(path: str | Path, networks: Mapping[str, tuple[int, int]]) -> Distillat
     low, high = (float(a) for a in _array(arrays, "alpha", (2,), path))
     if not 0 < low < high < math.inf:
         raise ValueError(f"{path.name} is for alpha in [{low:g}, {high:g}], which is no range. {REMEDY}")
-    layers = _layers(arrays, inputs, outputs, path)
-    skip = _weights(arrays, "skip", (outputs, inputs), path)
+    layers, skip = _network(arrays, "", shape.inputs, shape.outputs, path)
+    each = _network(arrays, "each_", shape.of_one, 1, path) if shape.of_one else None
     distribution = str(scalar(arrays, "distribution", otherwise, REMEDY))
-    return Distillate(facet, distribution, (low, high), layers, skip, certificate)
+    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each)
 
 
-def _layers(arrays: dict[str, np.ndarray], inputs: int, outputs: int, path: Path) -> list[Layer]:
-    """Weights that fit to each other; ValueError otherwise."""
-    depth = sum(name.startswith("weight_") for name in arrays)
+def _network(
+    arrays: dict[str, np.ndarray], name: str, inputs: int, outputs: int, path: Path
+) -> tuple[list[Layer], Tensor]:
+    """Layers that fit to each other, and the linear part; ValueError otherwise."""
+    depth = sum(key.startswith(f"{name}weight_") for key in arrays)
     if not 1 <= depth <= MOST_LAYERS:
         raise ValueError(f"{path.name} has {depth} layers; 1 to {MOST_LAYERS} are expected. {REMEDY}")
     layers = []
     n = inputs
     for k in range(depth):
-        offset = arrays.get(f"offset_{k}")
+        offset = arrays.get(f"{name}offset_{k}")
         m = outputs if k == depth - 1 else len(offset) if offset is not None and offset.ndim == 1 else 0
-        layers.append((_weights(arrays, f"weight_{k}", (m, n), path), _weights(arrays, f"offset_{k}", (m,), path)))
+        weight = _weights(arrays, f"{name}weight_{k}", (m, n), path)
+        layers.append((weight, _weights(arrays, f"{name}offset_{k}", (m,), path)))
         n = m
-    return layers
+    return layers, _weights(arrays, f"{name}skip", (outputs, inputs), path)
 
 
 def _weights(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], path: Path) -> Tensor:

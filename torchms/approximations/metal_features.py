@@ -14,6 +14,10 @@ from torchms.maths.frame import Vec3
 ROUND = 8
 """Features of a surface with α_x = α_y; the others are 0 there."""
 FEATURES = 13
+OF_ONE = 7
+"""Features of one direction."""
+ROUND_OF_ONE = 4
+"""Those of a surface with α_x = α_y."""
 
 
 def above(w: Vec3) -> Vec3:
@@ -62,3 +66,24 @@ def features(distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> list[Ten
 def _length2(w: Vec3, ax2: Tensor, ay2: Tensor) -> Tensor:
     """Squared length of the stretched direction."""
     return ax2 * (w.x * w.x) + ay2 * (w.y * w.y) + w.z * w.z
+
+
+def features_of_one(distribution: EllipticDistribution, w: Vec3) -> list[Tensor]:
+    """The inputs of the factor that each direction above the horizon brings."""
+    ax, ay = distribution.alphas
+    ax2, ay2 = ax * ax, ay * ay
+    length2 = _length2(w, ax2, ay2)
+    # The stretched direction's cosine; the addend keeps the root's gradient finite.
+    cos = torch.sqrt(w.z * w.z / length2 + 1e-12)
+    q = (ax - ay) / (ax + ay)
+    xx, yy = w.x * w.x, w.y * w.y
+    found = [
+        cos,
+        w.z,
+        torch.log(cos + 1e-2) / 3,
+        torch.log((ax + ay) / 2),
+        q * q,
+        q * (xx - yy),
+        q * (ax2 * xx - ay2 * yy) / length2,
+    ]
+    return found if distribution.alpha_y is not None else found[:ROUND_OF_ONE]

@@ -1,20 +1,21 @@
 """All further bounces between mirror facets as smooth functions of both directions: no random numbers, no noise.
 
 With F = 1 everything after the first bounce leaves with g(wi, wo) = g(wo, wi), of which the orders 2, 3 and ≥ 4 have shares
-that sum to 1. Each order meets facets at one effective cosine c_k, so with Fresnel it is F(c_k)^k of that, which is exact to
-first order in the variation of F. The orders from 4 on fall off by a factor r each:
+that sum to 1. g is a function of the pair times s(wi) s(wo), which carries the energy that either direction asks for. Each
+order meets facets at one effective cosine c_k, so with Fresnel it is F(c_k)^k of that, which is exact to first order in the
+variation of F. The orders from 4 on fall off by a factor r each:
 
     Σ_{k ≥ 4} (1 − r) r^{k−4} F^k = F⁴ (1 − r) / (1 − r F).
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from torchms.approximations.metal_features import above, features
-from torchms.approximations.network import Layer, Network, soft_sign
+from torchms.approximations.distilled_file import Distillate
+from torchms.approximations.metal_features import above, features, features_of_one
+from torchms.approximations.network import Network, soft_sign
 from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel.base import Fresnel
 from torchms.maths.frame import Vec3
@@ -22,7 +23,7 @@ from torchms.maths.frame import Vec3
 OUTPUTS = 7
 MOST_FALL = 0.95
 """Largest ratio of one order to the one before it."""
-EXPONENT = (-14.0, 6.0)
+EXPONENT = (-14.0, 12.0)
 """Range of ln g: no network that was trained leaves it, and none overflows."""
 
 
@@ -35,15 +36,18 @@ class Rest(NamedTuple):
 
 
 class MetalLobes(nn.Module):
-    """Lobes of rough metals of one kind of distribution, from a network."""
+    """Lobes of rough metals of one kind of distribution, from two networks: of the pair, and of each direction."""
 
-    def __init__(self, layers: Sequence[Layer], skip: Tensor) -> None:
+    def __init__(self, distillate: Distillate) -> None:
         super().__init__()
-        self.network = Network(layers, skip)
+        assert distillate.each is not None
+        self.network = Network(distillate.layers, distillate.skip)
+        self.each = Network(*distillate.each)
 
     def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Rest:
         """Kernel; both directions above the horizon."""
         level, second, third, *cosines, fall = self.network(features(distribution, wi, wo))
+        level = level + sum(self.each(features_of_one(distribution, w))[0] for w in (wi, wo))
         g = torch.exp(level.clamp(*EXPONENT))
         a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
         last = g / (1 + a + b)

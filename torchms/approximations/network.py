@@ -43,7 +43,7 @@ class Network(nn.Module):
         """W x + b as one product of matrices."""
         weight, offset = getattr(self, f"weight_{k}"), getattr(self, f"offset_{k}")
         stacked = torch.stack(torch.broadcast_tensors(*values))
-        flat = stacked.reshape(len(values), -1)
+        flat = stacked.reshape(len(values), stacked[0].numel())
         dtype = torch.promote_types(weight.dtype, flat.dtype)
         found = torch.addmm(offset[:, None].to(dtype), weight[:, : len(values)].to(dtype), flat.to(dtype))
-        return list(found.reshape(-1, *stacked.shape[1:]).unbind(0))
+        return list(found.reshape(len(weight), *stacked.shape[1:]).unbind(0))

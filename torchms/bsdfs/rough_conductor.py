@@ -1,7 +1,10 @@
 """Rough metal."""
 
+import contextlib
+
+from torchms.approximations.distilled import Distilled
 from torchms.bsdfs.base import BSDF
-from torchms.distributions.base import MicrofacetDistribution
+from torchms.distributions.base import EllipticDistribution, MicrofacetDistribution
 from torchms.estimators.base import Scattering
 from torchms.estimators.unidirectional import Unidirectional
 from torchms.fresnel.base import Fresnel
@@ -13,7 +16,8 @@ from torchms.sampling.proposals import Proposal, ReflectionProposal
 class RoughConductor(BSDF):
     """Mirror facets with any Fresnel term; reflects above the horizon only.
 
-    scattering: `Unidirectional(Invariance(), max_order=8)` if it is not given.
+    scattering: if it is not given, `Distilled()` where that applies when the surface is built (GGX or Beckmann, roughness in
+    [0.03, 1]), which needs no random numbers, and `Unidirectional(Invariance(), max_order=8)` elsewhere.
     """
 
     sources = ("Heitz2014",)
@@ -28,7 +32,16 @@ class RoughConductor(BSDF):
                 f"got {fresnel!r}."
             )
         self.fresnel = fresnel
-        self._assemble(distribution, Unidirectional(Invariance()) if scattering is None else scattering)
+        self._assemble(distribution, self._default(distribution) if scattering is None else scattering)
+
+    def _default(self, distribution: MicrofacetDistribution) -> Scattering:
+        """All bounces without noise where they are distilled, and their estimate elsewhere."""
+        if isinstance(distribution, EllipticDistribution):
+            distilled = Distilled()
+            with contextlib.suppress(ValueError):
+                distilled.check(Mirror(distribution, self.fresnel))
+                return distilled
+        return Unidirectional(Invariance())
 
     @property
     def is_lossless(self) -> bool:

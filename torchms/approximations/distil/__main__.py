@@ -10,9 +10,11 @@ import torch
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil import blocks, energies, held_out, refinement, training
 from torchms.approximations.distil.command import commit, run
+from torchms.approximations.distil.rows import surfaces
 from torchms.approximations.distil.weights import Weights
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.cli.progress import progress_bar
+from torchms.sampling.uniforms import generator_for
 from torchms.storage.write import check_writable
 from torchms.version import __version__
 
@@ -32,18 +34,20 @@ class Options:
     """The file."""
     work: Path = Path("build/distil")
     """Folder of blocks of data and of checkpoints, one a set of options."""
-    blocks: int = 18
-    """Blocks of 65 536 surfaces and pairs of directions."""
-    paths: tuple[int, int] = (16, 64)
+    blocks: int = 22
+    """Blocks of 65 536 pairs of directions."""
+    paths: tuple[int, int] = (48, 144)
     """Bidirectional paths of each for two and three bounces, and walks for more."""
-    steps: int = 2000
+    steps: int = 1000
     """Steps of Adam."""
-    refinements: int = 40
+    refinements: int = 160
     """Levenberg-Marquardt steps after them."""
-    cells: int = 1536
+    cells: int = 2048
     """Directions of incidence at which energies are balanced."""
     widths: tuple[int, ...] = (16, 12)
     """Units of the hidden layers; cost and accuracy follow them."""
+    each: tuple[int, ...] = (8,)
+    """Units of the hidden layers of the network of each direction."""
     seed: int = 1
     """Seed of everything."""
     held_out_points: int = 128
@@ -78,14 +82,13 @@ def main(options: Options) -> None:
 def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
     """Train on the blocks of `folder`, look at the errors and write the file."""
     kind = options.distribution
-    rows, targets = blocks.loaded(folder, options.blocks)
+    rows, lobe, targets = blocks.loaded(folder, options.blocks)
     inputs = training.inputs_of(kind, rows)
-    mean, spread = inputs.mean(0), inputs.std(0)
-    where = energies.surfaces(options.alpha, options.cells, options.seed + 1)
+    weights = Weights(options.widths, options.each, inputs)
+    inputs, floor = weights.standardised(inputs), training.floors(kind, rows, targets[:, 0])
+    where = surfaces(options.alpha, options.cells, generator_for(options.seed + 1))
     pairs, cosines, lost = energies.pairs(kind, where, options.seed + 2)
-    cells = energies.Cells((training.inputs_of(kind, pairs) - mean) / spread, cosines, lost)
-    weights = Weights(options.widths, mean, spread)
-    inputs, floor = (inputs - mean) / spread, training.floors(kind, rows)
+    cells = energies.Cells(weights.standardised(training.inputs_of(kind, pairs)), cosines, lost)
     with progress_bar("training", options.steps) as advance:
         vector = training.trained(
             weights,
@@ -98,7 +101,8 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
             folder / "training.npz",
             advance,
         )
-    data = refinement.Data(inputs, targets[:, 1:4].sum(-1), floor)
+    lobe = refinement.shares(lobe, targets[:, :4].sum(-1))
+    data = refinement.Data(inputs, targets[:, 1:4].sum(-1), floor, lobe)
     with progress_bar("refinement", options.refinements) as advance:
         vector = refinement.refined(
             weights,
@@ -110,12 +114,13 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
             folder / "refinement.npz",
             advance,
         )
-    others = options.steps // 4
+    others = max(options.steps // 5, 4)
     with progress_bar("other outputs", others) as advance:
-        vector = refinement.others_anew(weights, vector, data, targets, others, options.seed + 6, advance)
-    layers, skip = weights.folded(vector)
+        rest = refinement.others_anew(weights, vector, data, targets, others, advance)
+    pair, each = weights.folded(vector, rest)
+    found = files.Distillate("metal", kind, options.alpha, *pair, {}, each)
     errors = held_out.summary(
-        MetalLobes(layers, skip),
+        MetalLobes(found),
         kind,
         options.alpha,
         options.seed + 4,
@@ -123,7 +128,7 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
         options.held_out_paths,
     )
     certificate = certified(options, told, len(targets), errors)
-    files.write(options.out, files.Distillate("metal", kind, options.alpha, layers, skip, certificate), options.force)
+    files.write(options.out, found._replace(certificate=certificate), options.force)
     for name, values in errors.items():
         print(f"{name}: {values}")
     print(f"{options.out}: {options.out.stat().st_size} bytes")
@@ -136,7 +141,7 @@ def certified(options: Options, told: dict[str, Any], rows: int, errors: dict[st
         "torchms": __version__,
         "torch": torch.__version__,
         "commit": commit(),
-        "options": told | {"alpha": list(options.alpha), "widths": list(options.widths)},
+        "options": told | {"alpha": list(options.alpha), "widths": list(options.widths), "each": list(options.each)},
         "rows": rows,
         "paths": rows * 2 * sum(options.paths),
         "held_out": errors,
@@ -154,8 +159,9 @@ def check(options: Options) -> None:
             raise ValueError(f"--{name.replace('_', '-')} must be at least {least}; got {getattr(options, name)}.")
     if not 0 <= options.seed < 1 << 16:
         raise ValueError(f"--seed must lie in [0, 65536); got {options.seed}.")
-    if not options.widths or min(options.widths) < 1 or len(options.widths) >= files.MOST_LAYERS:
-        raise ValueError(f"--widths must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {options.widths}.")
+    for name, widths in (("widths", options.widths), ("each", options.each)):
+        if not widths or min(widths) < 1 or len(widths) >= files.MOST_LAYERS:
+            raise ValueError(f"--{name} must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {widths}.")
     if min(*options.paths, *options.held_out_paths) < 1:
         raise ValueError(f"--paths must be positive; got {options.paths} and {options.held_out_paths}.")
 

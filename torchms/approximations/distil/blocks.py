@@ -52,27 +52,27 @@ def made(
     for number in numbers:
         path = _path(folder, number)
         if not path.exists():
-            rows = where.drawn(kind, alpha, ROWS, generator_for(seed * 1_000_003 + number))
+            rows, lobe = where.drawn(kind, alpha, ROWS, generator_for(seed * 1_000_003 + number))
             targets = estimated(kind, rows, 2 * (seed * 4096 + number), n_paths)
             file = io.BytesIO()
-            np.savez(file, rows=_joined(rows).numpy(), targets=targets.numpy())
+            np.savez(file, rows=_joined(rows, lobe).numpy(), targets=targets.numpy())
             write_whole(path, file.getvalue(), force=True)
         advance(1)
 
 
-def loaded(folder: Path, count: int) -> tuple[Rows, Tensor]:
-    """Rows and targets (n, 8) of the first `count` blocks."""
+def loaded(folder: Path, count: int) -> tuple[Rows, Tensor, Tensor]:
+    """Rows, their shares in the square of a lobe (n) and targets (n, 8) of the first `count` blocks."""
     parts = [read_arrays(_path(folder, number), 1 << 26) for number in range(count)]
     joined = torch.from_numpy(np.concatenate([part["rows"] for part in parts]))
     targets = torch.from_numpy(np.concatenate([part["targets"] for part in parts]))
-    if targets.shape[1] != len(COLUMNS) or joined.shape != (len(targets), 8):
+    if targets.shape[1] != len(COLUMNS) or joined.shape != (len(targets), 9):
         raise ValueError(f"{folder} holds blocks of another version. Name another folder.")
-    return Rows(joined[:, 0], joined[:, 1], joined[:, 2:5], joined[:, 5:8]), targets
+    return Rows(joined[:, 0], joined[:, 1], joined[:, 2:5], joined[:, 5:8]), joined[:, 8], targets
 
 
 def _path(folder: Path, number: int) -> Path:
     return folder / f"block-{number:05d}.npz"
 
 
-def _joined(rows: Rows) -> Tensor:
-    return torch.cat([rows.ax[:, None], rows.ay[:, None], rows.wi, rows.wo], 1)
+def _joined(rows: Rows, lobe: Tensor) -> Tensor:
+    return torch.cat([rows.ax[:, None], rows.ay[:, None], rows.wi, rows.wo, lobe[:, None]], 1)

@@ -6,43 +6,31 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.albedo_table import AlbedoTable
-from torchms.approximations.distil.rows import KINDS, MARGIN, Rows
+from torchms.approximations.distil.rows import KINDS, Rows
+from torchms.approximations.distil.weights import Inputs
 from torchms.approximations.metal_sampling import MetalProposal
-from torchms.maths.frame import Vec3, join, split
+from torchms.maths.frame import Vec3, split
 from torchms.sampling.uniforms import draw, generator_for
 
-POINTS = 1024
+POINTS = 2048
 """Outgoing directions of one cell: scrambled Sobol points, close to the rest's shape."""
 
 
 class Cells(NamedTuple):
-    """inputs (c · POINTS, FEATURES); weights (c · POINTS), cos θ_o dω of each; lost (c), 1 − E of one bounce."""
+    """inputs of c · POINTS pairs; weights (c · POINTS), cos θ_o dω of each; lost (c), 1 − E of one bounce."""
 
-    inputs: Tensor
+    inputs: Inputs
     weights: Tensor
     lost: Tensor
 
     def part(self, first: int, count: int) -> "Cells":
         """`count` of the cells."""
         points = slice(first * POINTS, (first + count) * POINTS)
-        return Cells(self.inputs[points], self.weights[points], self.lost[first : first + count])
+        return Cells(self.inputs.part(points), self.weights[points], self.lost[first : first + count])
 
     def energies(self, f: Tensor) -> Tensor:
         """∫ f cos θ_o dω [1] of each cell (c), from f [1/sr] at its points."""
         return (f * self.weights).reshape(-1, POINTS).sum(-1)
-
-
-def surfaces(alpha: tuple[float, float], count: int, seed: int) -> Rows:
-    """Surfaces and directions of incidence; rough ones are more frequent, a quarter is isotropic. wo is left at wi."""
-    u = draw((count,), 1, 5, generator=generator_for(seed))[:, 0].unbind(-1)
-    low, high = max(alpha[0] / MARGIN, 1e-3), min(alpha[1] * MARGIN, 2.0)
-    ax, ay = (low * (high / low) ** (x**0.5) for x in u[:2])
-    ay = torch.where(u[2] < 0.25, ax, ay)
-    z = torch.sin(0.5 * torch.pi * (1 - u[3])).clamp_min(1e-3)
-    r = (1 - z * z).clamp_min(0).sqrt()
-    turn = 2 * torch.pi * u[4]
-    wi = join(Vec3(r * turn.cos(), r * turn.sin(), z))
-    return Rows(ax, ay, wi, wi)
 
 
 @torch.no_grad()

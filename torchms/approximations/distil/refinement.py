@@ -5,7 +5,6 @@ For a few hundred numbers a step costs as much as a hundred of Adam's, and gets 
 
 import io
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,75 +13,63 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.distil.energies import POINTS, Cells
-from torchms.approximations.distil.training import BATCH, ENERGY, loss
-from torchms.approximations.distil.weights import Weights
-from torchms.approximations.metal_lobes import EXPONENT
-from torchms.approximations.network import soft_sign
+from torchms.approximations.distil.level import Level
+from torchms.approximations.distil.rows import OUTGOING
+from torchms.approximations.distil.training import loss
+from torchms.approximations.distil.weights import Inputs, Net, Weights
+from torchms.approximations.network import Layer, soft_sign
 from torchms.sampling.uniforms import generator_for, integers
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import write_whole
 
-ROWS = 98304
+ROWS = 1 << 18
 """Rows of a step, drawn anew every REDRAWN steps."""
-CELLS = 96
-REDRAWN = 5
+CELLS = 128
+REDRAWN = 4
+LAST, MORE = 0.1, 4
+"""Share of the steps, at the end, that look at MORE times as many rows and cells."""
 CHUNK = 16384
+LOBE, RELATIVE, ENERGY = 10.0, 0.15, 100.0
+"""Weights of relative squares of lobes, of relative squares of values, and of squares of energies."""
+OTHERS = 1 << 19
+"""Rows that the other outputs are fitted to."""
+FAR = 4e-3
+"""Errors of energies from which on they do not count as squares."""
 SMALLEST, LARGEST = 1e-8, 1e4
 """Range of the damping."""
 
 
 class Data(NamedTuple):
-    """Standardised features (n, FEATURES), sums of the orders from 2 on (n) and floors (n) [1/sr]."""
+    """Standardised features, sums of the orders from 2 on (n), floors (n) [1/sr], and shares of the squares of lobes (n)."""
 
-    inputs: Tensor
+    inputs: Inputs
     f: Tensor
     floor: Tensor
+    lobe: Tensor
 
     def part(self, first: int, count: int) -> "Data":
         """`count` rows."""
-        return Data(*(x[first : first + count] for x in self))
+        rows = slice(first, first + count)
+        return Data(self.inputs.part(rows), *(x[rows] for x in self[1:]))
 
 
-class Level:
-    """ln g of the network and its derivatives by the numbers that it depends on."""
+class Chunk(NamedTuple):
+    """What a sum over rows takes of some of them."""
 
-    def __init__(self, weights: Weights) -> None:
-        self.weights = weights
-        sizes = weights.sizes
-        places, at = [], 0
-        for n, m in pairwise(sizes[:-1]):
-            places.append(torch.arange(at, at + m * n + m))
-            at += m * n + m
-        n, m = sizes[-2:]
-        # Of the last layer: the first row, and its offset; then the linear part.
-        places += [torch.arange(at, at + n), torch.tensor([at + m * n])]
-        places.append(torch.arange(at + m * n + m, at + m * n + m + sizes[0]))
-        self.places = torch.cat(places)
+    inputs: Inputs
+    f: Tensor
+    weight: Tensor
 
-    def value(self, vector: Tensor, inputs: Tensor) -> Tensor:
-        """g (n)."""
-        return torch.exp(self.weights.outputs(vector, inputs)[:, 0].clamp(*EXPONENT))
 
-    def derivatives(self, vector: Tensor, inputs: Tensor) -> tuple[Tensor, Tensor]:
-        """g (n) and d ln g / d vector (n, len(places))."""
-        layers, skip = self.weights.split(vector)
-        x, seen, slopes = inputs, [], []
-        for weight, offset in layers[:-1]:
-            z = torch.addmm(offset, x, weight.T)
-            inverse = 1 / (1 + z.abs())
-            seen.append(x)
-            slopes.append(inverse * inverse)
-            x = z * inverse
-        weight, offset = layers[-1]
-        level = x @ weight[0] + offset[0] + inputs @ skip
-        columns = [inputs, torch.ones_like(level)[:, None], x]
-        back = weight[0].expand_as(x)
-        for k in range(len(layers) - 2, -1, -1):
-            back = back * slopes[k]
-            columns.append(back)
-            columns.append((back[:, :, None] * seen[k][:, None, :]).flatten(1))
-            back = back @ layers[k][0]
-        return torch.exp(level.clamp(*EXPONENT)), torch.cat(columns[::-1], 1)
+def shares(lobe: Tensor, f: Tensor) -> Tensor:
+    """cos² θ_o / density over the mean of that times f², of each direction of incidence: relative squares of lobes (n).
+
+    f: of all orders.
+    """
+    size = (lobe * f * f).view(-1, OUTGOING).mean(1)
+    found = lobe / size.repeat_interleave(OUTGOING)
+    # A few directions that are hardly ever sampled would decide.
+    return found.clamp_max(found.kthvalue(max(1, int(0.9995 * len(found)))).values)
 
 
 def refined(
@@ -100,7 +87,7 @@ def refined(
     A step that ends a set of rows is kept in `checkpoint`, and gone on from: more steps may be asked for later.
     """
     level, generator = Level(weights), generator_for(seed)
-    damping, rows, some, held = 1e-2, data, cells, data.f
+    damping, rows, some, held, hard = 1e-2, data, cells, data.f, cells.lost
     least, first = 0.0, 0
     if checkpoint.exists():
         kept = read_arrays(checkpoint, 1 << 24)
@@ -114,19 +101,19 @@ def refined(
     advance(first)
     for step in range(first, steps):
         if step % REDRAWN == 0:
-            count, number = min(ROWS, len(data.f)), min(CELLS, len(cells.lost))
+            more = MORE if step >= (1 - LAST) * steps else 1
+            count, number = min(more * ROWS, len(data.f)), min(more * CELLS, len(cells.lost))
             rows = data.part(int(integers(0, len(data.f) - count + 1, (), generator)), count)
             some = cells.part(int(integers(0, len(cells.lost) - number + 1, (), generator)), number)
-            held = torch.cat([level.value(vector, x) for x in rows.inputs.split(CHUNK)])
-            held = 1 / (held * held + rows.floor * rows.floor) / count
-            least = _objective(level, vector, rows, some, held)
-        matrix, slope = _normal_equations(level, vector, rows, some, held)
+            held, hard = _held(level, vector, rows, some)
+            least = _objective(level, vector, rows, some, held, hard)
+        matrix, slope = _normal_equations(level, vector, rows, some, held, hard)
         diagonal = matrix.diagonal() + 1e-9 * matrix.diagonal().max()
         while damping < LARGEST:
             move = torch.linalg.solve(matrix + damping * torch.diag(diagonal), -slope)
             tried = vector.clone()
             tried[level.places] += move.to(vector.dtype)
-            found = _objective(level, tried, rows, some, held)
+            found = _objective(level, tried, rows, some, held, hard)
             if found < least:
                 vector, least, damping = tried, found, max(damping / 4, SMALLEST)
                 break
@@ -140,15 +127,33 @@ def refined(
     return vector
 
 
-def _objective(level: Level, vector: Tensor, rows: Data, cells: Cells, weight: Tensor) -> float:
+def _held(level: Level, vector: Tensor, rows: Data, cells: Cells) -> tuple[Tensor, Tensor]:
+    """Weights of the rows, and of the energies: those far off pull like their size, not like its square."""
+    g = torch.cat([level.value(vector, x) for x in rows.inputs.split(CHUNK)])
+    off = _energies(level, vector, cells) - cells.lost
+    weight = (LOBE * rows.lobe + RELATIVE / (g * g + rows.floor * rows.floor)) / len(g)
+    return weight, ENERGY / (1 + off.abs() / FAR) / len(off)
+
+
+def _energies(level: Level, vector: Tensor, cells: Cells) -> Tensor:
+    return cells.energies(torch.cat([level.value(vector, x) for x in cells.inputs.split(CHUNK)]))
+
+
+def _chunks(rows: Data, weight: Tensor) -> Iterator[Chunk]:
+    for inputs, f, w in zip(rows.inputs.split(CHUNK), rows.f.split(CHUNK), weight.split(CHUNK), strict=True):
+        yield Chunk(inputs, f, w)
+
+
+def _objective(level: Level, vector: Tensor, rows: Data, cells: Cells, weight: Tensor, hard: Tensor) -> float:
     total = 0.0
-    for x, f, w in zip(*(t.split(CHUNK) for t in (rows.inputs, rows.f, weight)), strict=True):
+    for x, f, w in _chunks(rows, weight):
         total += float((w * (level.value(vector, x) - f) ** 2).sum(dtype=torch.float64))
-    g = torch.cat([level.value(vector, x) for x in cells.inputs.split(CHUNK)])
-    return total + ENERGY * float(((cells.energies(g) - cells.lost) ** 2).mean(dtype=torch.float64))
+    return total + float((hard * (_energies(level, vector, cells) - cells.lost) ** 2).sum(dtype=torch.float64))
 
 
-def _normal_equations(level: Level, vector: Tensor, rows: Data, cells: Cells, weight: Tensor) -> tuple[Tensor, Tensor]:
+def _normal_equations(
+    level: Level, vector: Tensor, rows: Data, cells: Cells, weight: Tensor, hard: Tensor
+) -> tuple[Tensor, Tensor]:
     """Matrix and slope of the squares' linearisation, float64."""
     n = len(level.places)
     matrix, slope = torch.zeros(n, n, dtype=torch.float64), torch.zeros(n, dtype=torch.float64)
@@ -157,15 +162,14 @@ def _normal_equations(level: Level, vector: Tensor, rows: Data, cells: Cells, we
         matrix.add_((jacobian.T @ jacobian).double())
         slope.add_((jacobian.T @ residual).double())
 
-    for x, f, w in zip(*(t.split(CHUNK) for t in (rows.inputs, rows.f, weight)), strict=True):
+    for x, f, w in _chunks(rows, weight):
         g, derivatives = level.derivatives(vector, x)
         root = w.sqrt()
         add(derivatives * (root * g)[:, None], root * (g - f))
-    factor = (ENERGY / len(cells.lost)) ** 0.5
-    for part in _in_parts(cells):
+    for part, factor in zip(_in_parts(cells), hard.sqrt().split(CHUNK // POINTS), strict=True):
         g, derivatives = level.derivatives(vector, part.inputs)
         summed = torch.bmm((g * part.weights).reshape(-1, 1, POINTS), derivatives.reshape(-1, POINTS, n))[:, 0]
-        add(factor * summed, factor * (part.energies(g) - part.lost))
+        add(factor[:, None] * summed, factor * (part.energies(g) - part.lost))
     return matrix, slope
 
 
@@ -176,33 +180,35 @@ def _in_parts(cells: Cells) -> Iterator[Cells]:
 
 
 def others_anew(
-    weights: Weights, vector: Tensor, data: Data, targets: Tensor, steps: int, seed: int, advance: Callable[[int], None]
-) -> Tensor:
-    """`vector` with the last layer's rows of all outputs but the first fitted again, by Adam; ln g stays."""
-    layers, skip = weights.split(vector)
+    weights: Weights, vector: Tensor, data: Data, targets: Tensor, steps: int, advance: Callable[[int], None]
+) -> Net:
+    """The last layer of all outputs but the first (6, hidden), (6) and their linear parts (6, FEATURES), by L-BFGS.
+
+    ln g and the hidden layers, which were refined for it, stay.
+    """
+    data, targets = data.part(0, min(OTHERS, len(data.f))), targets[:OTHERS]
+    layers, _ = weights.split(vector)[0]
     weight, offset = layers[-1]
-    rows, shifts = weight[1:].clone().requires_grad_(True), offset[1:].clone().requires_grad_(True)
     with torch.no_grad():
-        parts = []
-        for x in data.inputs.split(CHUNK):
-            hidden = x
-            for w, b in layers[:-1]:
-                hidden = soft_sign(torch.addmm(b, hidden, w.T))
-            parts.append(torch.cat([hidden, (hidden @ weight[0] + offset[0] + x @ skip)[:, None]], 1))
-        hidden = torch.cat(parts)
-    starts = integers(0, len(hidden) - BATCH + 1, (steps,), generator_for(seed))
-    optimizer = torch.optim.Adam([rows, shifts], lr=1e-2)
-    for step in range(steps):
-        optimizer.param_groups[0]["lr"] = 1e-2 * (1 - step / steps) + 1e-5
-        here = slice(int(starts[step]), int(starts[step]) + BATCH)
-        x = hidden[here]
-        outputs = torch.cat([x[:, -1:], torch.addmm(shifts, x[:, :-1], rows.T)], 1)
+        known = torch.cat([_hidden(layers, data.inputs.pair), data.inputs.pair], 1)
+        level = torch.cat([weights.outputs(vector, x)[:, :1] for x in data.inputs.split(CHUNK)])
+    rows = torch.cat([weight[1:], torch.zeros(len(weight) - 1, data.inputs.pair.shape[1])], 1).requires_grad_(True)
+    shifts = offset[1:].clone().requires_grad_(True)
+    optimizer = torch.optim.LBFGS([rows, shifts], max_iter=steps, history_size=20, line_search_fn="strong_wolfe")
+
+    def value() -> Tensor:
         optimizer.zero_grad(set_to_none=True)
-        loss(outputs, targets[here], data.floor[here]).backward()
-        optimizer.step()
-        advance(1)
-    found = vector.clone()
-    weight, offset = weights.split(found)[0][-1]
-    with torch.no_grad():
-        weight[1:], offset[1:] = rows, shifts
-    return found
+        found = loss(torch.cat([level, torch.addmm(shifts, known, rows.T)], 1), targets, data.floor)
+        found.backward()
+        return found
+
+    optimizer.step(value)
+    advance(steps)
+    hidden = weight.shape[1]
+    return [(rows.detach()[:, :hidden], shifts.detach())], rows.detach()[:, hidden:]
+
+
+def _hidden(layers: list[Layer], x: Tensor) -> Tensor:
+    for weight, offset in layers[:-1]:
+        x = soft_sign(torch.addmm(offset, x, weight.T))
+    return x

@@ -16,8 +16,8 @@ from torch import Tensor
 from torchms.approximations.albedo_table import AlbedoTable
 from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.rows import KINDS, Rows
-from torchms.approximations.distil.weights import Heads, Weights
-from torchms.approximations.metal_features import features
+from torchms.approximations.distil.weights import Heads, Inputs, Weights
+from torchms.approximations.metal_features import features, features_of_one
 from torchms.maths.frame import split
 from torchms.sampling.uniforms import generator_for, integers
 from torchms.storage.archives import read_arrays
@@ -27,6 +27,8 @@ BATCH = 8192
 CELLS = 4
 """Directions of incidence whose energy a step looks at."""
 RATE = 6e-3
+FIRST = 0.3
+"""Share of one bounce's value that a row's error is measured by, if that is more than all others."""
 SAVED = 500
 """Steps between two checkpoints."""
 SIDE, MOMENT, TAIL, ENERGY = 0.3, 0.1, 0.003, 300.0
@@ -34,19 +36,24 @@ SIDE, MOMENT, TAIL, ENERGY = 0.3, 0.1, 0.003, 300.0
 
 
 @torch.no_grad()
-def inputs_of(kind: str, rows: Rows, step: int = 8192) -> Tensor:
-    """The features (n, FEATURES)."""
-    parts = []
+def inputs_of(kind: str, rows: Rows, step: int = 8192) -> Inputs:
+    """The features."""
+    parts: list[list[Tensor]] = [[], [], []]
     for start in range(0, len(rows.ax), step):
         some = rows.part(slice(start, start + step))
-        found = features(KINDS[kind](some.ax, some.ay), split(some.wi), split(some.wo))
-        parts.append(torch.stack(torch.broadcast_tensors(*found), -1))
-    return torch.cat(parts)
+        distribution, wi, wo = KINDS[kind](some.ax, some.ay), split(some.wi), split(some.wo)
+        given = features(distribution, wi, wo), *(features_of_one(distribution, w) for w in (wi, wo))
+        for column, found in zip(parts, given, strict=True):
+            column.append(torch.stack(torch.broadcast_tensors(*found), -1))
+    return Inputs(*(torch.cat(column) for column in parts))
 
 
 @torch.no_grad()
-def floors(kind: str, rows: Rows, step: int = 8192) -> Tensor:
-    """f [1/sr] below which errors do not count more: of the rest's own size, and of that of the whole lobe."""
+def floors(kind: str, rows: Rows, first: Tensor, step: int = 8192) -> Tensor:
+    """f [1/sr] below which errors do not count more: of the rest's own size, and of that of the whole lobe.
+
+    first: f of one bounce (n) [1/sr], beside which the rest may be small.
+    """
     table = AlbedoTable.packaged(kind)
     parts = []
     for start in range(0, len(rows.ax), step):
@@ -57,7 +64,7 @@ def floors(kind: str, rows: Rows, step: int = 8192) -> Tensor:
         # The root mean square of a lobe of one bounce is about 0.11 / √(α_x α_y).
         lobe = 0.11 / torch.sqrt(some.ax * some.ay) / some.wo[:, 2].clamp_min(0.2)
         parts.append(torch.sqrt((0.3 * size) ** 2 + (0.1 * lobe) ** 2))
-    return torch.cat(parts)
+    return torch.hypot(torch.cat(parts), FIRST * first)
 
 
 def loss(outputs: Tensor, targets: Tensor, floor: Tensor) -> Tensor:
@@ -79,7 +86,7 @@ def loss(outputs: Tensor, targets: Tensor, floor: Tensor) -> Tensor:
 
 def trained(
     weights: Weights,
-    inputs: Tensor,
+    inputs: Inputs,
     targets: Tensor,
     floor: Tensor,
     cells: Cells,
@@ -91,7 +98,7 @@ def trained(
     """The weights after `steps` steps of Adam, from `checkpoint` on if there is one."""
     generator = generator_for(seed)
     vector = weights.initial(generator).requires_grad_(True)
-    starts = integers(0, len(inputs) - BATCH + 1, (steps,), generator)
+    starts = integers(0, len(floor) - BATCH + 1, (steps,), generator)
     looks = integers(0, len(cells.lost) - CELLS + 1, (steps,), generator)
     optimizer = torch.optim.Adam([vector], lr=RATE, betas=(0.9, 0.99))
     first = _resumed(checkpoint, vector, optimizer)
@@ -100,7 +107,7 @@ def trained(
         rate = RATE * min(1.0, (step + 1) / 100) * 0.5 * (1 + math.cos(math.pi * step / steps)) + 2e-5
         optimizer.param_groups[0]["lr"] = rate
         rows = slice(int(starts[step]), int(starts[step]) + BATCH)
-        value = loss(weights.outputs(vector, inputs[rows]), targets[rows], floor[rows])
+        value = loss(weights.outputs(vector, inputs.part(rows)), targets[rows], floor[rows])
         some = cells.part(int(looks[step]), CELLS)
         energy = some.energies(Heads(weights.outputs(vector, some.inputs)).level)
         value = value + ENERGY * ((energy - some.lost) ** 2).mean()

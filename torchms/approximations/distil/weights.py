@@ -1,20 +1,41 @@
-"""The network of a training: one flat vector of numbers, whose inputs have mean 0 and spread 1."""
+"""The networks of a training: one flat vector of numbers, whose inputs have mean 0 and spread 1."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from torchms.approximations.metal_features import FEATURES
+from torchms.approximations.metal_features import FEATURES, OF_ONE
 from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL, OUTPUTS
 from torchms.approximations.network import Layer, soft_sign
 from torchms.sampling.uniforms import draw
 
+Net = tuple[list[Layer], Tensor]
+"""Layers, and the linear part of the first output."""
+
+
+class Inputs(NamedTuple):
+    """Features of n pairs (n, FEATURES), and of the one and the other direction (n, OF_ONE)."""
+
+    pair: Tensor
+    one: Tensor
+    other: Tensor
+
+    def part(self, rows: slice) -> "Inputs":
+        """Some of them."""
+        return Inputs(*(x[rows] for x in self))
+
+    def split(self, size: int) -> Iterator["Inputs"]:
+        """All of them, `size` at a time."""
+        for parts in zip(*(x.split(size) for x in self), strict=True):
+            yield Inputs(*parts)
+
 
 class Heads:
-    """What the outputs (n, 7) of the network mean; the training's counterpart of `MetalLobes.rest`."""
+    """What the outputs (n, 7) of the networks mean; the training's counterpart of `MetalLobes.rest`."""
 
     def __init__(self, outputs: Tensor) -> None:
         self.level = torch.exp(outputs[:, 0].clamp(*EXPONENT))
@@ -27,54 +48,90 @@ class Heads:
 
 
 class Weights:
-    """Shapes of the layers within the vector, and the map between it and what a file holds."""
+    """Shapes of the layers within the vector, and the map between it and what a file holds.
 
-    def __init__(self, widths: Sequence[int], mean: Tensor, spread: Tensor) -> None:
+    The pair's network comes first, then that of each direction; each has its layers, then the linear part.
+    """
+
+    def __init__(self, widths: Sequence[int], each: Sequence[int], inputs: Inputs) -> None:
         self.sizes = [FEATURES, *widths, OUTPUTS]
-        self.mean, self.spread = mean, spread
+        self.each = [OF_ONE, *each, 1]
+        self.length = sum(m * n + m for n, m in pairwise(self.sizes)) + FEATURES
+        one = torch.cat([inputs.one, inputs.other])
+        self.mean, self.spread = inputs.pair.mean(0), inputs.pair.std(0)
+        self.mean_of_one, self.spread_of_one = one.mean(0), one.std(0)
+
+    def standardised(self, inputs: Inputs) -> Inputs:
+        """The inputs with mean 0 and spread 1."""
+        one, other = ((x - self.mean_of_one) / self.spread_of_one for x in (inputs.one, inputs.other))
+        return Inputs((inputs.pair - self.mean) / self.spread, one, other)
 
     def initial(self, generator: torch.Generator) -> Tensor:
         """A vector to begin with."""
         parts = []
-        for k, (n, m) in enumerate(pairwise(self.sizes)):
-            last = k == len(self.sizes) - 2
-            # Uniform numbers of that standard deviation.
-            weight = (2 * draw((m * n + m,), 1, 1, generator=generator).flatten() - 1) * math.sqrt(3)
-            weight[: m * n] *= (0.3 if last else 1.2) / math.sqrt(n)
-            weight[m * n :] *= 0.0 if last else 0.5
-            if last:
-                weight[m * n] = -3.0
-            parts.append(weight)
-        return torch.cat([*parts, torch.zeros(FEATURES)])
+        for sizes, size, level in ((self.sizes, 0.3, -3.0), (self.each, 0.1, 0.0)):
+            for k, (n, m) in enumerate(pairwise(sizes)):
+                last = k == len(sizes) - 2
+                # Uniform numbers of that standard deviation.
+                weight = (2 * draw((m * n + m,), 1, 1, generator=generator).flatten() - 1) * math.sqrt(3)
+                weight[: m * n] *= (size if last else 1.2) / math.sqrt(n)
+                weight[m * n :] *= 0.0 if last else 0.5
+                if last:
+                    weight[m * n] = level
+                parts.append(weight)
+            parts.append(torch.zeros(sizes[0]))
+        return torch.cat(parts)
 
-    def split(self, vector: Tensor) -> tuple[list[Layer], Tensor]:
-        """Layers, and the linear part (FEATURES) of the first output."""
-        layers, at = [], 0
-        for n, m in pairwise(self.sizes):
-            layers.append((vector[at : at + m * n].view(m, n), vector[at + m * n : at + m * n + m]))
-            at += m * n + m
-        return layers, vector[at:]
+    def split(self, vector: Tensor) -> tuple[Net, Net]:
+        """The networks of the pair and of each direction."""
+        return _layers(vector[: self.length], self.sizes), _layers(vector[self.length :], self.each)
 
-    def outputs(self, vector: Tensor, inputs: Tensor) -> Tensor:
-        """The outputs (n, 7) for standardised features (n, FEATURES)."""
-        layers, skip = self.split(vector)
-        x = inputs
-        for weight, offset in layers[:-1]:
-            x = soft_sign(torch.addmm(offset, x, weight.T))
-        weight, offset = layers[-1]
-        found = torch.addmm(offset, x, weight.T)
-        return torch.cat([found[:, :1] + (inputs @ skip)[:, None], found[:, 1:]], 1)
+    def outputs(self, vector: Tensor, inputs: Inputs) -> Tensor:
+        """The outputs (n, 7) for standardised features."""
+        pair, each = self.split(vector)
+        found = outputs(pair, inputs.pair)
+        of_one = outputs(each, inputs.one) + outputs(each, inputs.other)
+        return torch.cat([found[:, :1] + of_one, found[:, 1:]], 1)
 
-    def folded(self, vector: Tensor) -> tuple[list[Layer], Tensor]:
-        """Layers and linear part (7, FEATURES) for features as they are."""
-        layers, skip = self.split(vector.detach().double())
-        mean, spread = self.mean.double(), self.spread.double()
-        weight, offset = layers[0]
-        layers[0] = weight / spread, offset - weight @ (mean / spread)
-        weight, offset = layers[-1]
-        offset = offset.clone()
-        offset[0] -= skip @ (mean / spread)
-        layers[-1] = weight, offset
-        whole = torch.zeros(OUTPUTS, FEATURES, dtype=torch.float64)
-        whole[0] = skip / spread
-        return [(w.float(), b.float()) for w, b in layers], whole.float()
+    def folded(self, vector: Tensor, others: Net | None = None) -> tuple[Net, Net]:
+        """Both networks for features as they are; the linear parts (outputs, features).
+
+        others: last layer and linear part of all outputs but the first, in place of those in the vector.
+        """
+        pair, each = self.split(vector.detach().double())
+        layers, skip = pair
+        skip = torch.cat([skip[None], torch.zeros(OUTPUTS - 1, FEATURES, dtype=skip.dtype)])
+        if others is not None:
+            ((weight, offset),), skip[1:] = others
+            layers[-1][0][1:], layers[-1][1][1:] = weight, offset
+        pair, each = (layers, skip), (each[0], each[1][None])
+        return _folded(pair, self.mean, self.spread), _folded(each, self.mean_of_one, self.spread_of_one)
+
+
+def outputs(net: Net, inputs: Tensor) -> Tensor:
+    """The outputs (n, K) of one network; its linear part is added to the first."""
+    layers, skip = net
+    x = inputs
+    for weight, offset in layers[:-1]:
+        x = soft_sign(torch.addmm(offset, x, weight.T))
+    weight, offset = layers[-1]
+    found = torch.addmm(offset, x, weight.T)
+    return torch.cat([found[:, :1] + (inputs @ skip)[:, None], found[:, 1:]], 1)
+
+
+def _layers(vector: Tensor, sizes: Sequence[int]) -> Net:
+    layers, at = [], 0
+    for n, m in pairwise(sizes):
+        layers.append((vector[at : at + m * n].view(m, n), vector[at + m * n : at + m * n + m]))
+        at += m * n + m
+    return layers, vector[at:]
+
+
+def _folded(net: Net, mean: Tensor, spread: Tensor) -> Net:
+    layers, skip = net
+    mean, spread = mean.double(), spread.double()
+    weight, offset = layers[0]
+    layers[0] = weight / spread, offset - weight @ (mean / spread)
+    weight, offset = layers[-1]
+    layers[-1] = weight, offset - skip @ (mean / spread)
+    return [(w.float(), b.float()) for w, b in layers], (skip / spread).float()
