@@ -97,7 +97,7 @@ FURNACE = {
     **dict.fromkeys([(0.03,), (0.1,)], 0.04),
     (0.03, 1.0): 0.16,
 }
-"""How far a white furnace is off, at most: learned, not built in, and worst where light grazes smooth or very anisotropic surfaces."""
+"""How far a white furnace is off, at most: learned, not built in; worst where light grazes smooth or anisotropic surfaces."""
 
 
 @on_all
