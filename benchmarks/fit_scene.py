@@ -126,6 +126,8 @@ def radiance(
 
     The first bounce is the closed form, which is that of every model; `scattering` gives the rest.
     """
+    if isinstance(scattering, ms.Distilled):
+        return ms.compile(material.build(alpha, numbers, scattering), verbose=False)(wi, wo)
     first = material.build(alpha, numbers, ms.SingleBounce())(wi, wo)
     if scattering.max_order == 1:
         return first
