@@ -1,0 +1,53 @@
+/** A surface of the state as inputs of the files, and its lobe at given directions. */
+
+import type { State } from "../app/state";
+import { direction, type Vec3 } from "../geometry/directions";
+import type { Entry, Manifest } from "../files/manifest";
+import { folded, Orders } from "../numbers/orders";
+import type { Engine } from "./client";
+import type { Random } from "./messages";
+
+/** The parameters of the state's surface by the names of the files' inputs; one value, or one a channel. */
+export function parameters(state: State, manifest: Manifest): Record<string, Float32Array> {
+  const metal = manifest.metals.get(state.metal) ?? manifest.metals.get("Au");
+  const one = (x: number): Float32Array => Float32Array.of(x);
+  return {
+    alpha: one(state.alpha),
+    alpha_y: one(state.alphaY),
+    gamma: one(state.gamma),
+    eta: state.material === "conductor" ? Float32Array.from(metal?.eta ?? [1, 1, 1]) : one(state.eta),
+    k: Float32Array.from(metal?.k ?? [1, 1, 1]),
+    albedo: one(state.albedo),
+  };
+}
+
+/** The direction of incidence. */
+export function incidence(state: State): Vec3 {
+  return direction((state.theta * Math.PI) / 180, (state.phi * Math.PI) / 180);
+}
+
+/** The direction of exit at which the numbers are read. */
+export function exit(state: State): Vec3 {
+  return direction((state.outTheta * Math.PI) / 180, (state.outPhi * Math.PI) / 180);
+}
+
+export interface Question {
+  entry: Entry;
+  /** One direction, or one a row. */
+  wi: Float32Array;
+  wo: Float32Array;
+  parameters: Record<string, Float32Array>;
+  random?: Random;
+}
+
+/** f |cos θo| [1/sr] of each bounce at the directions `wo`. */
+export async function lobe(engine: Engine, question: Question): Promise<Orders> {
+  const { entry, wi, wo, random } = question;
+  const rows = wo.length / 3;
+  const inputs = { ...question.parameters, wi, wo };
+  const outputs = await engine.run({ file: entry.file, rows, inputs, ...(random ? { random } : {}) });
+  const output = outputs["orders"] ?? outputs["value"];
+  if (!output) throw new Error(`${entry.file} has neither orders nor a value among its outputs`);
+  const channels = output.dims[output.dims.length - 1] ?? 1;
+  return folded(entry.orders ?? ["1"], output.data, rows, channels);
+}
