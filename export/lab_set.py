@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import tyro
 
-EXACT_ORDERS = 8
+EXACT_ORDERS = 6
 """Bounces of the exact models, which the page accumulates."""
 
 GRAY = {"conductor": ("eta", "k"), "dielectric": ("eta",), "diffuse": ("albedo",)}
@@ -29,8 +29,8 @@ class Options:
 
     out: Path = Path("export/lab/public/models")
     """Folder for the files; it is made if it does not exist."""
-    only: str = ""
-    """Write only files whose name contains this, and list only those that are there."""
+    only: tuple[str, ...] = ()
+    """Write only files whose names contain one of these; those that are there are listed."""
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Overwrite files."""
 
@@ -55,7 +55,9 @@ def items() -> Iterator[Item]:
     yield evaluator("diffuse", "ggx", "single-bounce", "sample")
     for distribution, roughness in ROUGHNESS.items():
         name = f"masking-{distribution}"
-        yield Item(name, {"what": "G1", "distribution": distribution}, lambda d=distribution, r=roughness: _masking(d, r))
+        yield Item(
+            name, {"what": "G1", "distribution": distribution}, lambda d=distribution, r=roughness: _masking(d, r)
+        )
     for name in ("caps", "closed-forms"):
         yield Item(name, {"what": name}, lambda name=name: _diagram(name))
 
@@ -148,7 +150,8 @@ def write(options: Options) -> int:
     listed = []
     for item in items():
         path = options.out / f"{item.name}.onnx"
-        if options.only in item.name and (options.force or not path.exists()):
+        wanted = not options.only or any(part in item.name for part in options.only)
+        if wanted and (options.force or not path.exists()):
             write_whole(path, item.make(), True)
             print(f"{path}: {path.stat().st_size} bytes", flush=True)
         if path.exists():

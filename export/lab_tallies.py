@@ -1,6 +1,6 @@
 """Trace the surfaces of the figures and store their lobes for the lobe lab: 3 materials x 4 roughnesses x 4 angles.
 
-    python -m export.lab_tallies --out export/lab/public/microsurface.json
+python -m export.lab_tallies --out export/lab/public/microsurface.json
 """
 
 import json
@@ -22,7 +22,7 @@ class Options:
 
     out: Path = Path("export/lab/public/microsurface.json")
     """The file."""
-    rays: float = 2e6
+    rays: float = 5e5
     """Light paths a case."""
     surfaces: int = 8
     """Independent surfaces; the standard errors are their spread."""

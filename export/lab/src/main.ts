@@ -32,7 +32,7 @@ function notice(): { element: HTMLElement; complain: (error: Error | string) => 
   return {
     element,
     complain: (error) => {
-      text.textContent = typeof error === "string" ? error : `That did not work: ${error.message}.`;
+      text.textContent = typeof error === "string" ? error : `That did not work: ${error.message.replace(/\.$/, "")}.`;
       element.hidden = false;
     },
   };

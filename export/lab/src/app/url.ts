@@ -17,11 +17,11 @@ export function decode(hash: string): State {
   const state: State = { ...START };
   const put = state as unknown as Record<string, unknown>;
   for (const [key, text] of given) {
-    if (key in RANGES) {
+    if (Object.hasOwn(RANGES, key)) {
       const [low, high] = RANGES[key as NumberKey];
       const value = Number(text);
       if (text.trim() !== "" && value >= low && value <= high) put[key] = value;
-    } else if (key in CHOICES) {
+    } else if (Object.hasOwn(CHOICES, key)) {
       const words: readonly string[] = CHOICES[key as keyof typeof CHOICES];
       if (words.includes(text)) put[key] = text;
     } else if (key === "round") {

@@ -8,8 +8,8 @@ import type { Engine } from "./client";
 import { incidence, lobe, parameters } from "./surface";
 
 /** Directions of the quadrature while something moves, and at rest. */
-export const COARSE = 1024;
-export const FINE = 8192;
+export const COARSE = 1021;
+export const FINE = 8191;
 
 export interface Energy {
   /** One row each: share of the light that leaves on the side it came from, and on the other [1]. */

@@ -10,10 +10,12 @@ export interface Job {
   random?: Random;
 }
 
-/** Numbers of an input `u`: so many paths a row, of mulberry32 with this seed, or of the low-discrepancy sequence. */
+/** Numbers of an input `u`: so many paths a row, of mulberry32 with this seed, or those of the lattice. */
 export interface Random {
   seed: number | "lattice";
   paths: number;
+  /** Moves the numbers of every row on along a lattice: turn after turn they fill their space evenly. */
+  turn?: number;
 }
 
 export interface Given {

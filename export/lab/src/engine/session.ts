@@ -1,7 +1,7 @@
 /** One exported file in ONNX Runtime: named inputs to named outputs, in blocks that stay in the cache. */
 
 import * as ort from "onnxruntime-web/wasm";
-import { lattice, uniforms } from "../numbers/sequences";
+import { lattice, turned, uniforms } from "../numbers/sequences";
 import type { Job, Output, Random } from "./messages";
 
 /** Rows of a block: intermediate tensors of that many rows stay in the second-level cache. */
@@ -35,7 +35,8 @@ function random(session: ort.InferenceSession, rows: number, given: Random): Out
   const [paths, numbers] = trailing(session, "u");
   const dims = [typeof paths === "number" ? paths : given.paths, Number(numbers)];
   const [n, d] = [rows * (dims[0] ?? 1), dims[1] ?? 1];
-  return { data: given.seed === "lattice" ? lattice(n, d) : uniforms(given.seed, n * d), dims };
+  const data = given.seed === "lattice" ? lattice(n, d) : uniforms(given.seed, n * d);
+  return { data: given.turn === undefined ? data : turned(data, d, given.turn), dims };
 }
 
 /** Rows [start, start + rows) of an input; what was given once serves all rows. */

@@ -5,7 +5,7 @@ import { direction, type Vec3 } from "../geometry/directions";
 import type { Entry, Manifest } from "../files/manifest";
 import { folded, Orders } from "../numbers/orders";
 import type { Engine } from "./client";
-import type { Random } from "./messages";
+import type { Output, Random } from "./messages";
 
 /** The parameters of the state's surface by the names of the files' inputs; one value, or one a channel. */
 export function parameters(state: State, manifest: Manifest): Record<string, Float32Array> {
@@ -40,6 +40,19 @@ export interface Question {
   random?: Random;
 }
 
+/** Bounces of each order: those of an exact model are told apart one by one, however many there are. */
+function labels(entry: Entry, output: Output): readonly string[] {
+  if (!entry.exact || output.dims.length < 3) return entry.orders ?? ["1"];
+  return Array.from({ length: output.dims[1] ?? 1 }, (_, k) => String(k + 1));
+}
+
+/** The first `size` values of each row: a file may end its orders with some that are always zero. */
+function trimmed(data: Float32Array, size: number, rows: number): Float32Array {
+  const given = data.length / rows;
+  if (given <= size) return data;
+  return Float32Array.from({ length: size * rows }, (_, i) => data[Math.floor(i / size) * given + (i % size)] ?? 0);
+}
+
 /** f |cos θo| [1/sr] of each bounce at the directions `wo`. */
 export async function lobe(engine: Engine, question: Question): Promise<Orders> {
   const { entry, wi, wo, random } = question;
@@ -49,5 +62,6 @@ export async function lobe(engine: Engine, question: Question): Promise<Orders> 
   const output = outputs["orders"] ?? outputs["value"];
   if (!output) throw new Error(`${entry.file} has neither orders nor a value among its outputs`);
   const channels = output.dims[output.dims.length - 1] ?? 1;
-  return folded(entry.orders ?? ["1"], output.data, rows, channels);
+  const names = labels(entry, output);
+  return folded(names, trimmed(output.data, names.length * channels, rows), rows, channels);
 }

@@ -36,7 +36,7 @@ export function lobeGrid(pole: Vec3, side: 1 | -1, alpha: number, rings: number,
       );
     }
   }
-  return { directions, triangles: fan(rings, spokes, side) };
+  return { directions, triangles: fan(rings, spokes) };
 }
 
 /** The pole, not nearer to the horizon than a few degrees. */
@@ -49,10 +49,11 @@ function densest(alpha: number, rings: number): number {
   return Math.max(1, Math.min(2.6, Math.log(alpha / 5) / Math.log(1 / rings)));
 }
 
-function fan(rings: number, spokes: number, side: 1 | -1): Uint32Array {
+/** Seen from outside, triangles run counter-clockwise: (e1, e2, m) is right-handed on both sides. */
+function fan(rings: number, spokes: number): Uint32Array {
   const out: number[] = [];
   const at = (r: number, k: number): number => (r === 0 ? 0 : 1 + (r - 1) * spokes + (k % spokes));
-  const add = (a: number, b: number, c: number): void => void (side > 0 ? out.push(a, b, c) : out.push(a, c, b));
+  const add = (a: number, b: number, c: number): void => void out.push(a, b, c);
   for (let k = 0; k < spokes; k++) {
     add(0, at(1, k), at(1, k + 1));
     for (let r = 1; r < rings; r++) {

@@ -1,21 +1,32 @@
 /** Numbers in [0, 1): a low-discrepancy sequence for quadrature, and a seeded generator for random walks. */
 
-/** The generalised golden ratio of `d` dimensions: the root of x^(d+1) = x + 1 above one. */
-function goldenRatio(d: number): number {
-  let x = 1.5;
-  for (let i = 0; i < 60; i++) x = Math.pow(1 + x, 1 / (d + 1));
-  return x;
+/** Multiplier of Korobov's lattice for each prime number of points; they minimise the error P2 in three and four dimensions. */
+const KOROBOV: Record<number, number> = { 251: 64, 1021: 413, 8191: 1564 };
+
+/** Components of the generating vector: powers of the multiplier modulo n. */
+function generator(n: number, d: number): number[] {
+  const a = KOROBOV[n];
+  if (a === undefined) throw new Error(`there is a lattice of ${Object.keys(KOROBOV).join(", ")} points; got ${n}`);
+  const z = [1];
+  while (z.length < d) z.push(((z[z.length - 1] ?? 1) * a) % n);
+  return z;
 }
 
-/** `n` points of `d` dimensions, point after point: frac(1/2 + (i + 1) / g^j), an additive recurrence. */
+/** `n` points of `d` dimensions, point after point: frac((i z + 1/2) / n), a rank-1 lattice. */
 export function lattice(n: number, d: number): Float32Array {
-  const g = goldenRatio(d);
+  const z = generator(n, d);
   const points = new Float32Array(n * d);
-  for (let j = 0; j < d; j++) {
-    const step = Math.pow(1 / g, j + 1) % 1;
-    for (let i = 0; i < n; i++) points[i * d + j] = below1((0.5 + (i + 1) * step) % 1);
-  }
+  for (let i = 0; i < n; i++) z.forEach((zj, j) => (points[i * d + j] = below1((((i * zj) % n) + 0.5) / n)));
   return points;
+}
+
+/** Turns after which every row has seen a whole lattice. */
+export const TURNS = 251;
+
+/** Points of `d` dimensions, each moved on by point `turn` of a lattice (Cranley and Patterson's rotation). */
+export function turned(points: Float32Array, d: number, turn: number): Float32Array {
+  const steps = generator(TURNS, d).map((z) => ((turn * z) % TURNS) / TURNS);
+  return points.map((x, i) => below1((x + (steps[i % d] ?? 0)) % 1));
 }
 
 /** `n` uniform numbers of the generator mulberry32 with this seed. */

@@ -7,8 +7,8 @@ export const BOUNCE_COLOURS: Record<string, string> = {
   "2": "#e69f00",
   "3": "#009e73",
   "4+": "#cc79a7",
-  "2+": "#e69f00",
-  "1+": "#56b4e9",
+  "2+": "#56b4e9",
+  "1+": "#0072b2",
 };
 
 export const BOUNCE_NAMES: Record<Bounce | "1+", string> = {

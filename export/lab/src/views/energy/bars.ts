@@ -52,6 +52,5 @@ export function bar(title: string, list: readonly Share[]): HTMLElement {
 
 /** What the rest of a bar is. */
 export function restName(material: string, lossless: boolean): string {
-  if (lossless || material === "dielectric") return "not accounted for";
-  return "absorbed";
+  return lossless || material === "dielectric" ? "lost by the model" : "absorbed, or lost by the model";
 }

@@ -13,9 +13,9 @@ interface Box {
 }
 
 const BOXES: readonly Box[] = [
-  { towards: [-0.62, 0.66, 0.42], inner: 0.95, outer: 0.87, light: [7.5, 7.2, 6.8] },
-  { towards: [0.86, 0.1, 0.5], inner: 0.965, outer: 0.92, light: [3.2, 3.8, 4.8] },
-  { towards: [0.1, 0.35, -0.93], inner: 0.93, outer: 0.85, light: [2.6, 2.2, 1.8] },
+  { towards: [-0.62, 0.66, 0.42], inner: 0.93, outer: 0.6, light: [3.4, 3.3, 3.1] },
+  { towards: [0.86, 0.1, 0.5], inner: 0.95, outer: 0.72, light: [1.3, 1.6, 2.1] },
+  { towards: [0.1, 0.35, -0.93], inner: 0.92, outer: 0.7, light: [1.4, 1.2, 1.0] },
 ];
 
 /** Radiance of the furnace. */
@@ -33,6 +33,12 @@ export function studio(d: Vec3): RGB {
     for (let c = 0; c < 3; c++) out[c] = (out[c] ?? 0) + weight * (box.light[c] ?? 0);
   }
   return out;
+}
+
+/** What is seen behind the sphere: the studio without its lamps. */
+export function backdrop(y: number): RGB {
+  const up = 0.5 + 0.5 * y;
+  return [0.05 + 0.16 * up, 0.06 + 0.18 * up, 0.08 + 0.22 * up];
 }
 
 /** sRGB in [0, 255] of linear light; highlights roll off. */

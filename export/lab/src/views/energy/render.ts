@@ -5,7 +5,7 @@ import type { Engine } from "../../engine/client";
 import { lobe, parameters } from "../../engine/surface";
 import type { Entry, Manifest } from "../../files/manifest";
 import type { Vec3 } from "../../geometry/directions";
-import { display, FURNACE, studio } from "./environment";
+import { backdrop, display, FURNACE, studio } from "./environment";
 import { inWorld, sphere, type Sphere } from "./sphere";
 
 type Light = (d: Vec3) => readonly [number, number, number];
@@ -32,7 +32,7 @@ export class Film {
     if (!sampler) return;
     const inputs = parameters(state, manifest);
     const rows = this.sphere.cells.length;
-    const random = { seed: this.passes + 1, paths: 1 };
+    const random = { seed: 1, paths: 1, turn: this.passes };
     const drawn = await engine.run({ file: sampler.file, rows, inputs: { ...inputs, wi: this.sphere.wi }, random });
     if (stale()) return;
     const [wo, pdf] = [drawn["wo"]?.data, drawn["pdf"]?.data];
@@ -84,9 +84,7 @@ export class Film {
   private background(light: 0 | 1, i: number, j: number): [number, number, number, number] {
     const { size } = this.sphere;
     const [x, y] = [(2 * (i + 0.5)) / size - 1, 1 - (2 * (j + 0.5)) / size];
-    const away = Math.hypot(x, y, 1.6);
-    const d: Vec3 = [x / away, y / away, -1.6 / away];
-    const radiance = light === 0 ? FURNACE : studio(d).map((v) => 0.55 * v);
+    const radiance = light === 0 ? FURNACE : backdrop(y - 0.25 * Math.abs(x));
     return [0, 1, 2].map((c) => display(radiance[c] ?? 0, light === 1)).concat(255) as [number, number, number, number];
   }
 }

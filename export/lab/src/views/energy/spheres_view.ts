@@ -6,13 +6,14 @@ import type { Entry } from "../../files/manifest";
 import { el } from "../../ui/dom";
 import { modelStyle } from "../../ui/palette";
 import { slider } from "../../ui/controls";
+import { TURNS } from "../../numbers/sequences";
 import { card } from "../card";
 import { mainModel, type Context } from "../context";
 import { Film } from "./render";
 
-const SIZE = 144;
+const SIZE = 176;
 /** Directions a pixel, after which the picture is good. */
-const PASSES = 400;
+const PASSES = TURNS;
 
 const TITLES = ["White furnace", "Studio"] as const;
 

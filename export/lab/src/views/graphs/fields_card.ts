@@ -61,6 +61,7 @@ export class FieldsCard {
         context.fillStyle = themeColour("--ink");
         context.font = "600 12px system-ui, sans-serif";
         context.textBaseline = "top";
+        context.textAlign = "left";
         context.fillText(far ? `${field.title}, at most ${short(most)}` : field.title, box.x, 4);
         context.imageSmoothingEnabled = false;
         const { alphas, mus } = FIELD;

@@ -1,11 +1,15 @@
-/** One lobe as a surface: the value is the distance from the point that is lit. */
+/** One lobe as surfaces: the value is the distance from the point that is lit.
+ *
+ * All bounces are drawn as shells: the innermost is one bounce, each further one adds the next; so the thickness of a shell
+ * is what that bounce adds.
+ */
 
 import * as THREE from "three";
-import type { Scale } from "../../app/state";
+import type { Scale, Tint } from "../../app/state";
 import type { LobeGrid } from "../../geometry/lobe_grid";
 import type { Bounce, Channel, Orders } from "../../numbers/orders";
+import { BOUNCE_COLOURS } from "../../ui/palette";
 import { DECADES } from "../../ui/polar_chart";
-import { BOUNCE_COLOURS, hexToRgb } from "../../ui/palette";
 
 export interface Shape {
   bounce: Bounce;
@@ -13,40 +17,53 @@ export interface Shape {
   scale: Scale;
   /** Value that is one unit long [1/sr]. */
   top: number;
-  /** Colours by the share of each bounce, or by the light's own colour. */
-  tint: "bounce" | "colour";
+  tint: Tint;
 }
 
-export class LobeMesh {
-  readonly mesh: THREE.Mesh<THREE.BufferGeometry, THREE.MeshStandardMaterial>;
+const SHELLS = 4;
 
-  constructor() {
-    const material = new THREE.MeshStandardMaterial({
-      vertexColors: true,
-      side: THREE.DoubleSide,
-      roughness: 0.5,
-      metalness: 0.05,
-    });
-    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), material);
-    this.mesh.frustumCulled = false;
-  }
+type Mesh = THREE.Mesh<THREE.BufferGeometry, THREE.MeshStandardMaterial>;
+
+export class LobeMesh {
+  readonly group = new THREE.Group();
+  private readonly shells: Mesh[] = Array.from({ length: SHELLS }, (_, i) => {
+    // Outer shells let the inner ones be seen, and are drawn after them.
+    const glassy = i > 0 ? { transparent: true, opacity: 0.36, depthWrite: false } : {};
+    const material = new THREE.MeshStandardMaterial({ roughness: 0.42, metalness: 0, ...glassy });
+    const mesh = new THREE.Mesh(new THREE.BufferGeometry(), material);
+    mesh.frustumCulled = false;
+    mesh.renderOrder = i;
+    // A program that is compiled for a geometry without normals shades flatly ever after.
+    mesh.visible = false;
+    this.group.add(mesh);
+    return mesh;
+  });
 
   update(grid: LobeGrid, orders: Orders, shape: Shape): void {
-    const n = grid.directions.length;
-    const positions = new Float32Array(3 * n);
-    const colours = new Float32Array(3 * n);
-    const colour = new THREE.Color();
-    for (let i = 0; i < n; i++) {
-      const d = grid.directions[i] ?? [0, 0, 1];
-      const r = length(orders.at(i, shape.bounce, shape.channel), shape);
+    const layered = shape.bounce === "all" && (shape.tint === "bounce" || orders.channels === 1);
+    const count = layered ? Math.min(SHELLS, orders.labels.length) : 1;
+    let values: Float64Array = new Float64Array(orders.rows);
+    this.shells.forEach((mesh, i) => {
+      mesh.visible = i < count;
+      if (i >= count) return;
+      const name = layered ? (orders.labels[i] as Bounce) : shape.bounce;
+      const more = orders.column(name, shape.channel);
+      values = layered ? values.map((v, row) => v + (more[row] ?? 0)) : more;
+      this.form(mesh, grid, values, shape);
+      if (shape.tint === "colour" && orders.channels === 3) paintOwn(mesh, orders, shape.bounce);
+      else paintFlat(mesh, BOUNCE_COLOURS[name] ?? "#0072b2");
+    });
+  }
+
+  private form(mesh: Mesh, grid: LobeGrid, values: Float64Array, shape: Shape): void {
+    const positions = new Float32Array(3 * grid.directions.length);
+    grid.directions.forEach((d, i) => {
+      const r = length(values[i] ?? 0, shape);
       positions.set([d[0] * r, d[1] * r, d[2] * r], 3 * i);
-      colour.setRGB(...tinted(orders, i, shape), THREE.SRGBColorSpace);
-      colours.set([colour.r, colour.g, colour.b], 3 * i);
-    }
-    const geometry = this.mesh.geometry;
+    });
+    const geometry = mesh.geometry;
     if (geometry.index?.count !== grid.triangles.length) geometry.setIndex(new THREE.BufferAttribute(grid.triangles, 1));
     put(geometry, "position", positions);
-    put(geometry, "color", colours);
     geometry.computeVertexNormals();
   }
 }
@@ -58,25 +75,27 @@ export function length(value: number, shape: Pick<Shape, "scale" | "top">): numb
   return Math.max(0, 1 + Math.log10(value / shape.top) / DECADES);
 }
 
-/** sRGB in [0, 1] of a row. */
-function tinted(orders: Orders, row: number, shape: Shape): [number, number, number] {
-  if (shape.tint === "colour" && orders.channels === 3) {
-    const rgb = (["R", "G", "B"] as const).map((c) => orders.at(row, shape.bounce, c));
-    const most = Math.max(...rgb, 1e-12);
-    return rgb.map((x) => Math.pow(Math.max(x, 0) / most, 1 / 2.2) * 0.95) as [number, number, number];
-  }
-  if (shape.bounce !== "all") return bounceColour(shape.bounce);
-  const mixed: [number, number, number] = [0, 0, 0];
-  const total = orders.at(row, "all", shape.channel) || 1;
-  for (const name of orders.labels) {
-    const share = orders.at(row, name as Bounce, shape.channel) / total;
-    bounceColour(name).forEach((x, c) => (mixed[c] = (mixed[c] ?? 0) + share * x));
-  }
-  return mixed.map((x) => Math.max(0, Math.min(1, x))) as [number, number, number];
+function paintFlat(mesh: Mesh, colour: string): void {
+  mesh.material.color.set(colour);
+  setVertexColours(mesh, false);
 }
 
-function bounceColour(name: string): [number, number, number] {
-  return hexToRgb(BOUNCE_COLOURS[name] ?? "#56b4e9").map((x) => x / 255) as [number, number, number];
+/** The colour of the light itself, as bright as it can be in each direction. */
+function paintOwn(mesh: Mesh, orders: Orders, bounce: Bounce): void {
+  const colours = new Float32Array(3 * orders.rows);
+  for (let row = 0; row < orders.rows; row++) {
+    const rgb = (["R", "G", "B"] as const).map((c) => Math.max(0, orders.at(row, bounce, c)));
+    const most = Math.max(...rgb, 1e-12);
+    colours.set(rgb.map((x) => (0.9 * x) / most), 3 * row);
+  }
+  mesh.material.color.set("#ffffff");
+  put(mesh.geometry, "color", colours);
+  setVertexColours(mesh, true);
+}
+
+function setVertexColours(mesh: Mesh, on: boolean): void {
+  if (mesh.material.vertexColors !== on) mesh.material.needsUpdate = true;
+  mesh.material.vertexColors = on;
 }
 
 function put(geometry: THREE.BufferGeometry, name: string, data: Float32Array): void {

@@ -20,7 +20,7 @@ export class LobesView implements View {
     this.plane = new PlaneView(context);
     this.map = new MapView(context);
     this.numbers = new NumbersView(context);
-    const parts = [this.stage, this.plane, this.map, this.numbers].map((part) => part.element);
+    const parts = [this.stage, this.plane, this.numbers, this.map].map((part) => part.element);
     this.element = el("div", { class: "view lobes" }, ...parts);
   }
 

@@ -47,6 +47,7 @@ export class PlaneView {
 
   redraw(state: State): void {
     const glass = state.material === "dielectric";
+    this.element.classList.toggle("whole", glass);
     const lines = this.lines(state);
     // Positive angles lie on the mirror's side, and to the right; the light comes from the left.
     const light = (state.theta * Math.PI) / 180;

@@ -19,22 +19,28 @@ export class Stage {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.camera.up.set(0, 0, 1);
-    this.camera.position.set(1.5, -3.7, 1.75);
     this.controls = new OrbitControls(this.camera, canvas);
-    this.controls.target.set(0, 0, 0.36);
     this.controls.minDistance = 2;
     this.controls.maxDistance = 9;
     this.controls.enablePan = false;
     this.controls.addEventListener("change", () => this.draw());
-    this.controls.update();
+    this.look(false);
     this.scene.add(this.decor);
     this.addLights();
     this.restyle();
   }
 
+  /** Puts the camera where one side of the surface, or both, are seen whole. */
+  look(both: boolean): void {
+    if (both) this.camera.position.set(1.75, -5.1, 1.5);
+    else this.camera.position.set(1.5, -3.7, 1.75);
+    this.controls.target.set(0, 0, both ? 0 : 0.36);
+    this.controls.update();
+  }
+
   private addLights(): void {
-    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8890a8, 1.7));
-    const key = new THREE.DirectionalLight(0xffffff, 1.9);
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb8bccb, 2.2));
+    const key = new THREE.DirectionalLight(0xffffff, 2.1);
     key.position.set(-1.5, -3, 4);
     const back = new THREE.DirectionalLight(0xbfd4ff, 0.8);
     back.position.set(3, 3, 1);

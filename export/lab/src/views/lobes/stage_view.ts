@@ -15,7 +15,7 @@ import { Handles } from "./handles";
 import { LobeMesh, type Shape } from "./lobe_mesh";
 import { Stage } from "./scene";
 
-const [RINGS, SPOKES] = [24, 40];
+const [RINGS, SPOKES] = [28, 48];
 
 interface Side {
   grid: LobeGrid;
@@ -34,12 +34,13 @@ export class StageView {
   /** Where the lower lobe was highest: its grid is dense there next time. */
   private below: Vec3 | null = null;
   private status = "";
+  private both = false;
   /** Answers drawn so far. */
   updates = 0;
 
   constructor(private readonly context: Context) {
     const { store } = context;
-    for (const { mesh } of this.lobes) this.stage.scene.add(mesh);
+    for (const { group } of this.lobes) this.stage.scene.add(group);
     const inDegrees = (d: Vec3): { theta: number; phi: number } => {
       const { theta, phi } = angles(d);
       return { theta: round((theta * 180) / Math.PI), phi: round((phi * 180) / Math.PI) };
@@ -56,6 +57,9 @@ export class StageView {
 
   update(state: State): void {
     this.handles.place(incidence(state), exit(state));
+    const both = state.material === "dielectric";
+    if (both !== this.both) this.stage.look(both);
+    this.both = both;
     this.work.request(state);
   }
 
@@ -63,10 +67,10 @@ export class StageView {
   redraw(state: State): void {
     if (this.sides.length === 0) return;
     const top = Math.max(1e-9, ...this.sides.map((s) => Math.max(...s.orders.column(state.bounce, state.channel), 0)));
-    const shape: Shape = { ...state, top, tint: state.tint };
+    const shape: Shape = { ...state, top };
     this.lobes.forEach((lobe, i) => {
       const side = this.sides[i];
-      lobe.mesh.visible = side !== undefined;
+      lobe.group.visible = side !== undefined;
       if (side) lobe.update(side.grid, side.orders, shape);
     });
     const scale = state.scale === "log" ? "logarithmic, four decades" : "linear";
