@@ -81,7 +81,9 @@ def surface(material: str, distribution: str, model: str) -> Any:
     second = {"gtr": (2.0,), "ggx": (0.5,), "beckmann": (0.5,)}[distribution]
     shape = DISTRIBUTIONS[distribution](0.5, *(() if is_isotropic(material, model) else second))
     facet = {"conductor": Conductor.metal("Au"), "dielectric": Dielectric(1.5), "diffuse": [0.8, 0.8, 0.8]}[material]
-    return MATERIALS[material](shape, facet, scattering)  # type: ignore[call-arg]
+    # Power that passes, without the squares of the indices: then the energies of a lobe add up to one.
+    mode = {"mode": "importance"} if material == "dielectric" else {}
+    return MATERIALS[material](shape, facet, scattering, **mode)  # type: ignore[call-arg]
 
 
 def is_isotropic(material: str, model: str) -> bool:

@@ -82,8 +82,8 @@ export class Stage {
     if (width === 0 || height === 0) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    // On a narrow screen the stage is seen from farther away.
-    this.camera.fov = width < height ? 42 : 32;
+    // A narrow screen takes a wider angle: the surface is seen whole.
+    this.camera.fov = width < 1.2 * height ? 37 : 32;
     this.camera.updateProjectionMatrix();
     this.draw();
   }

@@ -4,7 +4,8 @@ import type { State } from "../../app/state";
 import { follow } from "../../engine/follow";
 import { Latest } from "../../engine/latest";
 import { exit, incidence } from "../../engine/surface";
-import { angles, mirrored, packed, type Vec3 } from "../../geometry/directions";
+import type { Entry } from "../../files/manifest";
+import { angles, dot, mirrored, packed, type Vec3 } from "../../geometry/directions";
 import { lobeGrid, type LobeGrid } from "../../geometry/lobe_grid";
 import { short } from "../../numbers/format";
 import type { Orders } from "../../numbers/orders";
@@ -79,9 +80,19 @@ export class StageView {
   }
 
   private async compute(state: State, stale: () => boolean): Promise<void> {
-    const { manifest, fast: engine } = this.context;
+    const { manifest } = this.context;
     const entry = mainModel(manifest, state);
     if (!entry) throw new Error("There is no model for this surface.");
+    // A lobe on the far side is sought first with a few paths: its grid is then dense where it is highest.
+    const sought = this.below;
+    if (state.material === "dielectric") await this.trace(entry, { ...state, paths: 4 }, stale);
+    if (stale()) return;
+    const found = this.below && sought && dot(this.below, sought) > 0.999;
+    if (state.material !== "dielectric" || entry.exact || !found) await this.trace(entry, state, stale);
+  }
+
+  private async trace(entry: Entry, state: State, stale: () => boolean): Promise<void> {
+    const { manifest, fast: engine } = this.context;
     const grids = this.grids(state);
     const wo = packed(grids.flatMap((grid) => grid.directions));
     const task = { engine, manifest, state, entries: [entry], wo, pass: 4 };
