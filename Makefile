@@ -86,6 +86,7 @@ lab: $(LAB)/node_modules/.package-lock.json $(LAB_MODELS)  ## the lobe lab, a st
 	npm run build --prefix $(LAB)
 
 lab-check: $(LAB)/node_modules/.package-lock.json  ## types, unit tests and build of the lab, without its evaluators
+	npm run check --prefix $(LAB)
 	npm test --prefix $(LAB)
 	npm run build --prefix $(LAB) -- --outDir ../../build/lab-check
 

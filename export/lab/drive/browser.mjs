@@ -22,7 +22,10 @@ export async function serve(folder) {
     const path = normalize(decodeURIComponent(new URL(request.url, "http://x").pathname)).replace(/^(\.\.[/\\])+/, "");
     try {
       const content = await readFile(join(folder, path.endsWith("/") ? `${path}index.html` : path));
-      response.setHeader("content-type", TYPES[extname(path)] ?? (path.endsWith("/") ? TYPES[".html"] : "application/octet-stream"));
+      response.setHeader(
+        "content-type",
+        TYPES[extname(path)] ?? (path.endsWith("/") ? TYPES[".html"] : "application/octet-stream"),
+      );
       response.end(content);
     } catch {
       response.statusCode = 404;

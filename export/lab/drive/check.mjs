@@ -16,7 +16,9 @@ async function numbers(page, state) {
   await page.waitForFunction(() => window.lab.numbers() !== null, null, { timeout: 120_000 });
   return page.evaluate(() => ({
     ...window.lab.numbers(),
-    shown: [...document.querySelectorAll("#numbers tbody tr")].map((row) => [...row.cells].map((cell) => cell.textContent)),
+    shown: [...document.querySelectorAll("#numbers tbody tr")].map((row) =>
+      [...row.cells].map((cell) => cell.textContent),
+    ),
     state: window.lab.state(),
   }));
 }
@@ -39,8 +41,17 @@ async function controls(page) {
     await page.locator(`label[for="view-${view}"]`).click();
     used[`view ${view}`] = (await state()).view;
   }
-  for (const [id, key] of [["material-dielectric", "material"], ["material-diffuse", "material"], ["material-conductor", "material"],
-    ["bounce-2+", "bounce"], ["bounce-all", "bounce"], ["scale-log", "scale"], ["tint-colour", "tint"], ["channel-R", "channel"], ["theme-dark", "theme"]]) {
+  for (const [id, key] of [
+    ["material-dielectric", "material"],
+    ["material-diffuse", "material"],
+    ["material-conductor", "material"],
+    ["bounce-2+", "bounce"],
+    ["bounce-all", "bounce"],
+    ["scale-log", "scale"],
+    ["tint-colour", "tint"],
+    ["channel-R", "channel"],
+    ["theme-dark", "theme"],
+  ]) {
     await page.locator(`label[for="${id}"]`).click();
     used[id] = (await state())[key];
   }
@@ -76,7 +87,11 @@ async function drag(page) {
     }
     const seconds = (performance.now() - start) / 1000;
     const after = window.lab.counts();
-    return { frames: frames / seconds, drawn: (after.frames - before.frames) / seconds, updates: (after.updates - before.updates) / seconds };
+    return {
+      frames: frames / seconds,
+      drawn: (after.frames - before.frames) / seconds,
+      updates: (after.updates - before.updates) / seconds,
+    };
   });
 }
 

@@ -38,7 +38,9 @@ try {
   console.log(`loaded after ${Date.now() - start} ms`);
   // Until the numbers stand still, and a little longer for the pictures.
   const settled = () => window.lab.state().view !== "lobes" || window.lab.numbers() !== null;
-  await page.waitForFunction(settled, null, { timeout: 1000 * Number(values.wait) }).catch(() => console.log("not settled"));
+  await page
+    .waitForFunction(settled, null, { timeout: 1000 * Number(values.wait) })
+    .catch(() => console.log("not settled"));
   await page.waitForTimeout(values.hash.includes("view=energy") ? 1000 * Number(values.wait) : 2500);
   await page.screenshot({ path: positionals[0] ?? "lab.png", fullPage: values.whole });
   console.log(seen.errors.concat(seen.foreign).join("\n") || "no errors");

@@ -35,8 +35,19 @@ describe("following a lobe", () => {
   it("averages exact models and asks the others once", async () => {
     const jobs: Job[] = [];
     const seen: Followed[] = [];
-    const task = { engine: fake(jobs), manifest, state: { ...START, paths: 10 }, entries: ENTRIES.slice(0, 2), wo: new Float32Array(6), pass: 4 };
-    await follow(task, () => false, (now) => seen.push({ ...now, lobes: new Map(now.lobes) }));
+    const task = {
+      engine: fake(jobs),
+      manifest,
+      state: { ...START, paths: 10 },
+      entries: ENTRIES.slice(0, 2),
+      wo: new Float32Array(6),
+      pass: 4,
+    };
+    await follow(
+      task,
+      () => false,
+      (now) => seen.push({ ...now, lobes: new Map(now.lobes) }),
+    );
     expect(seen.map((now) => now.paths)).toEqual([4, 8, 10]);
     expect(seen.map((now) => now.done)).toEqual([false, false, true]);
     // Passes of 4, 4 and 2 paths with the values 1, 2 and 3.
@@ -46,18 +57,32 @@ describe("following a lobe", () => {
 
   it("stops when it is stale", async () => {
     const jobs: Job[] = [];
-    const task = { engine: fake(jobs), manifest, state: START, entries: ENTRIES.slice(0, 1), wo: new Float32Array(3), pass: 1 };
-    await follow(task, () => jobs.length > 2, () => undefined);
+    const task = {
+      engine: fake(jobs),
+      manifest,
+      state: START,
+      entries: ENTRIES.slice(0, 1),
+      wo: new Float32Array(3),
+      pass: 1,
+    };
+    await follow(
+      task,
+      () => jobs.length > 2,
+      () => undefined,
+    );
     expect(jobs).toHaveLength(3);
   });
 });
 
 it("the newest request wins", async () => {
   const done: number[] = [];
-  const work = new Latest<number>(async (n) => {
-    await Promise.resolve();
-    done.push(n);
-  }, () => undefined);
+  const work = new Latest<number>(
+    async (n) => {
+      await Promise.resolve();
+      done.push(n);
+    },
+    () => undefined,
+  );
   [1, 2, 3, 4].forEach((n) => work.request(n));
   await new Promise((resolve) => setTimeout(resolve, 5));
   expect(done).toEqual([1, 4]);
@@ -65,7 +90,10 @@ it("the newest request wins", async () => {
 
 it("a failure is told, unless it is stale", async () => {
   const told: string[] = [];
-  const work = new Latest<number>(() => Promise.reject(new Error("no")), (error) => told.push(error.message));
+  const work = new Latest<number>(
+    () => Promise.reject(new Error("no")),
+    (error) => told.push(error.message),
+  );
   work.request(1);
   await new Promise((resolve) => setTimeout(resolve, 5));
   expect([told, work.busy]).toEqual([["no"], false]);
@@ -101,13 +129,18 @@ describe("energies", () => {
   it("add up to one with what is missing", () => {
     const list = shares(integrated(lobes, at, 1), "Y", "lost");
     expect(list.reduce((sum, share) => sum + share.value, 0)).toBeCloseTo(1, 9);
-    expect(list.map((share) => share.name)).toEqual(["reflected, 1 bounce", "reflected, 2 or more", "transmitted, 1 bounce", "lost"]);
+    expect(list.map((share) => share.name)).toEqual([
+      "reflected, 1 bounce",
+      "reflected, 2 or more",
+      "transmitted, 1 bounce",
+      "lost",
+    ]);
     expect(bar).toBeTypeOf("function");
   });
 });
 
 it("tables are written as CSV with quotes where they are needed", () => {
-  const text = csv([{ name: "a", head: ["x [1]", "say, \"y\" [1/sr]"], rows: [[1.5, NaN]] }], "http://x/#a");
+  const text = csv([{ name: "a", head: ["x [1]", 'say, "y" [1/sr]'], rows: [[1.5, NaN]] }], "http://x/#a");
   expect(text).toBe('# http://x/#a\r\n\r\n# a\r\nx [1],"say, ""y"" [1/sr]"\r\n1.5,\r\n');
 });
 

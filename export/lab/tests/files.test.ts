@@ -10,7 +10,8 @@ const field = (k: number, content: Iterable<number>): number[] => {
   const bytes = [...content];
   return [(k << 3) | 2, ...varint(bytes.length), ...bytes];
 };
-const entry = (key: string, value: string): number[] => field(14, [...field(1, text.encode(key)), ...field(2, text.encode(value))]);
+const entry = (key: string, value: string): number[] =>
+  field(14, [...field(1, text.encode(key)), ...field(2, text.encode(value))]);
 
 /** A file as torchms writes it, without a graph. */
 function file(about: Record<string, string>, format = "001"): Uint8Array {
@@ -63,7 +64,15 @@ describe("a file that is dropped", () => {
 
 describe("metadata", () => {
   it("is read from behind other fields", () => {
-    const bytes = Uint8Array.from([0x08, 0x96, 0x01, ...field(7, [1, 2, 3]), 0x11, ...Array(8).fill(0), ...entry("a", "b")]);
+    const bytes = Uint8Array.from([
+      0x08,
+      0x96,
+      0x01,
+      ...field(7, [1, 2, 3]),
+      0x11,
+      ...Array(8).fill(0),
+      ...entry("a", "b"),
+    ]);
     expect([...(metadata(bytes) ?? [])]).toEqual([["a", "b"]]);
   });
 

@@ -25,7 +25,8 @@ describe("the grid of a lobe", () => {
   });
 
   it("is denser for a narrow lobe", () => {
-    const first = (alpha: number): number => dot(POLES[1] as Vec3, lobeGrid(POLES[1] as Vec3, 1, alpha, 28, 48).directions[1] as Vec3);
+    const first = (alpha: number): number =>
+      dot(POLES[1] as Vec3, lobeGrid(POLES[1] as Vec3, 1, alpha, 28, 48).directions[1] as Vec3);
     expect(Math.acos(first(0.05))).toBeLessThan(0.02);
     expect(Math.acos(first(0.05))).toBeLessThan(Math.acos(first(1)));
   });

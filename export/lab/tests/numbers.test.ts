@@ -63,7 +63,12 @@ describe("orders", () => {
 
 describe("format", () => {
   it("says numbers as a reader wants them", () => {
-    expect([precise(0.123456789), precise(1e-7), precise(NaN), precise(0)]).toEqual(["0.123457", "1.00000e-7", "–", "0"]);
+    expect([precise(0.123456789), precise(1e-7), precise(NaN), precise(0)]).toEqual([
+      "0.123457",
+      "1.00000e-7",
+      "–",
+      "0",
+    ]);
     expect([short(0.30412), short(1234567), short(4e-5)]).toEqual(["0.304", "1.2e6", "4.0e−5"]);
     expect([percent(0.01234), percent(0.5), percent(NaN)]).toEqual(["1.23 %", "50.0 %", "–"]);
     expect(degrees(Math.PI / 2)).toBe("90.0°");

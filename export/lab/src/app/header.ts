@@ -25,10 +25,17 @@ export function header(store: Store, version: string, actions: Actions): HTMLEle
       window.setTimeout(() => (share.textContent = "Link"), 1600);
     };
     // Without a secure context there is no clipboard: the address bar has it, too.
-    navigator.clipboard?.writeText(store.address()).then(() => say("Copied"), () => say("See address"));
+    navigator.clipboard?.writeText(store.address()).then(
+      () => say("Copied"),
+      () => say("See address"),
+    );
     if (!navigator.clipboard) say("See address");
   });
-  const theme = segmented(store, "theme", "Theme", [["auto", "Auto"], ["light", "Light"], ["dark", "Dark"]]);
+  const theme = segmented(store, "theme", "Theme", [
+    ["auto", "Auto"],
+    ["light", "Light"],
+    ["dark", "Dark"],
+  ]);
   theme.classList.add("theme");
   return el(
     "header",

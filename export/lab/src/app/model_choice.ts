@@ -20,7 +20,9 @@ export function modelChoice(store: Store, manifest: Manifest): HTMLElement {
         const name = entry.model ?? "";
         const input = el("input", { type: "checkbox", id: `model-${name}`, disabled: reason !== null });
         input.checked = state.models.includes(name) && reason === null;
-        input.addEventListener("change", () => store.set({ models: switched(store.state.models, name, input.checked) }));
+        input.addEventListener("change", () =>
+          store.set({ models: switched(store.state.models, name, input.checked) }),
+        );
         const label = el("label", { for: input.id }, modelStyle(name).name, reason ? ` – ${reason}` : "");
         return el("div", { class: "tick" }, input, label);
       }),

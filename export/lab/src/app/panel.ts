@@ -9,7 +9,15 @@ import type { State } from "./state";
 import type { Store } from "./store";
 
 export function panel(store: Store, manifest: Manifest, drop: HTMLElement): HTMLElement {
-  const element = el("aside", { class: "panel", "aria-label": "Controls" }, surface(store, manifest), light(store), look(store), models(store, manifest), drop);
+  const element = el(
+    "aside",
+    { class: "panel", "aria-label": "Controls" },
+    surface(store, manifest),
+    light(store),
+    look(store),
+    models(store, manifest),
+    drop,
+  );
   const follow = (state: State): void => {
     for (const field of element.querySelectorAll<HTMLElement>("[data-key]")) {
       field.hidden = !applies(field.dataset["key"] ?? "", state);
@@ -41,11 +49,21 @@ function group(title: string, ...children: HTMLElement[]): HTMLElement {
 }
 
 function surface(store: Store, manifest: Manifest): HTMLElement {
-  const names = [...manifest.metals].map(([symbol, metal]) => [symbol, symbol === MIRROR ? metal.name : `${metal.name} (${symbol})`] as const);
+  const names = [...manifest.metals].map(
+    ([symbol, metal]) => [symbol, symbol === MIRROR ? metal.name : `${metal.name} (${symbol})`] as const,
+  );
   return group(
     "Surface",
-    segmented(store, "material", "Material", [["conductor", "Metal"], ["dielectric", "Glass"], ["diffuse", "Chalk"]]),
-    segmented(store, "distribution", "Normals", [["ggx", "GGX"], ["beckmann", "Beckmann"], ["gtr", "GTR"]]),
+    segmented(store, "material", "Material", [
+      ["conductor", "Metal"],
+      ["dielectric", "Glass"],
+      ["diffuse", "Chalk"],
+    ]),
+    segmented(store, "distribution", "Normals", [
+      ["ggx", "GGX"],
+      ["beckmann", "Beckmann"],
+      ["gtr", "GTR"],
+    ]),
     slider(store, "alpha", { label: "Roughness α", step: 0.01 }),
     slider(store, "alphaY", { label: "Roughness αy", step: 0.01 }),
     toggle(store, "round", "Brushed: αx and αy differ", true),
@@ -69,18 +87,44 @@ function light(store: Store): HTMLElement {
 function look(store: Store): HTMLElement {
   return group(
     "Shown",
-    segmented(store, "bounce", "Bounces", [["all", "all"], ["1", "1"], ["2", "2"], ["3", "3"], ["4+", "≥ 4"], ["2+", "≥ 2"]]),
-    segmented(store, "scale", "Scale", [["linear", "linear"], ["log", "log"]]),
-    segmented(store, "tint", "Colours of the lobe", [["bounce", "by bounce"], ["colour", "of the light"]]),
-    segmented(store, "channel", "Channel", [["Y", "luminance"], ["R", "R"], ["G", "G"], ["B", "B"]]),
+    segmented(store, "bounce", "Bounces", [
+      ["all", "all"],
+      ["1", "1"],
+      ["2", "2"],
+      ["3", "3"],
+      ["4+", "≥ 4"],
+      ["2+", "≥ 2"],
+    ]),
+    segmented(store, "scale", "Scale", [
+      ["linear", "linear"],
+      ["log", "log"],
+    ]),
+    segmented(store, "tint", "Colours of the lobe", [
+      ["bounce", "by bounce"],
+      ["colour", "of the light"],
+    ]),
+    segmented(store, "channel", "Channel", [
+      ["Y", "luminance"],
+      ["R", "R"],
+      ["G", "G"],
+      ["B", "B"],
+    ]),
   );
 }
 
 function models(store: Store, manifest: Manifest): HTMLElement {
   const named = (state: State): readonly (readonly [string, string])[] =>
-    manifest.models(state).filter((m) => m.reason === null).map(({ entry }) => {
-      const name = entry.exact && !entry.model?.startsWith("dropped") ? "exact" : (entry.model ?? "");
-      return [name, modelStyle(entry.model ?? "").name] as const;
-    });
-  return group("Models", menu(store, "model", "In 3-D and numbers", named), menu(store, "against", "Held against", named), modelChoice(store, manifest));
+    manifest
+      .models(state)
+      .filter((m) => m.reason === null)
+      .map(({ entry }) => {
+        const name = entry.exact && !entry.model?.startsWith("dropped") ? "exact" : (entry.model ?? "");
+        return [name, modelStyle(entry.model ?? "").name] as const;
+      });
+  return group(
+    "Models",
+    menu(store, "model", "In 3-D and numbers", named),
+    menu(store, "against", "Held against", named),
+    modelChoice(store, manifest),
+  );
 }

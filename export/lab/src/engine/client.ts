@@ -6,7 +6,10 @@ type Asked = Omit<Job, "id">;
 
 export class Engine {
   private readonly worker: Worker;
-  private readonly waiting = new Map<number, { resolve: (o: Record<string, Output>) => void; reject: (e: Error) => void }>();
+  private readonly waiting = new Map<
+    number,
+    { resolve: (o: Record<string, Output>) => void; reject: (e: Error) => void }
+  >();
   private next = 1;
 
   constructor() {

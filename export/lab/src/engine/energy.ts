@@ -65,7 +65,13 @@ export function integrated(lobes: Orders, at: Nodes, side: 1 | -1): Energy {
     for (let i = 0; i < size; i++) to[i] = (to[i] ?? 0) + (lobes.data[row * size + i] ?? 0) / pdf;
   }
   const [reflected, transmitted] = sums.map(
-    (sum) => new Orders(lobes.labels, Float32Array.from(sum, (x) => x / lobes.rows), 1, lobes.channels),
+    (sum) =>
+      new Orders(
+        lobes.labels,
+        Float32Array.from(sum, (x) => x / lobes.rows),
+        1,
+        lobes.channels,
+      ),
   );
   return { reflected: reflected as Orders, transmitted: transmitted as Orders };
 }
@@ -73,6 +79,11 @@ export function integrated(lobes: Orders, at: Nodes, side: 1 | -1): Energy {
 /** The mean of two energies of so many equal passes each. */
 export function meanEnergy(a: Energy, nA: number, b: Energy): Energy {
   const mean = (x: Orders, y: Orders): Orders =>
-    new Orders(x.labels, x.data.map((v, i) => v + ((y.data[i] ?? 0) - v) / (nA + 1)), 1, x.channels);
+    new Orders(
+      x.labels,
+      x.data.map((v, i) => v + ((y.data[i] ?? 0) - v) / (nA + 1)),
+      1,
+      x.channels,
+    );
   return { reflected: mean(a.reflected, b.reflected), transmitted: mean(a.transmitted, b.transmitted) };
 }

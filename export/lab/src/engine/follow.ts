@@ -1,4 +1,4 @@
-/** Lobes of several models at the same directions: those without noise once, the exact ones averaged while one looks. */
+/** Lobes of several models at the same directions: those without noise once, exact ones averaged while one looks. */
 
 import type { State } from "../app/state";
 import type { Entry, Manifest } from "../files/manifest";

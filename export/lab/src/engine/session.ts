@@ -46,7 +46,10 @@ function block(session: ort.InferenceSession, name: string, job: Job, start: num
   const dims = trailing(session, name);
   const width = dims.reduce<number>((product, n) => product * Number(n), 1);
   if (given.length === width * job.rows) {
-    return new ort.Tensor("float32", given.subarray(start * width, (start + rows) * width), [rows, ...dims.map(Number)]);
+    return new ort.Tensor("float32", given.subarray(start * width, (start + rows) * width), [
+      rows,
+      ...dims.map(Number),
+    ]);
   }
   const all = new Float32Array(rows * width);
   for (let i = 0; i < all.length; i++) all[i] = given[(i % width) % given.length] ?? 0;

@@ -35,7 +35,10 @@ export function examined(bytes: Uint8Array, name: string): Entry | string {
   const distribution = Object.entries(DISTRIBUTIONS).find(([key]) => new RegExp(`\\b${key}\\(`).test(described))?.[1];
   if (!material || !distribution) return `${name} is about a surface that this page does not know: ${described}.`;
   const K = Number(about.get("torchms.orders") ?? 1);
-  const stem = name.replace(/\.onnx$/i, "").replace(/[^\w-]/g, "-").slice(0, 24);
+  const stem = name
+    .replace(/\.onnx$/i, "")
+    .replace(/[^\w-]/g, "-")
+    .slice(0, 24);
   return {
     file: `dropped:${stem}`,
     bytes: bytes.length,

@@ -13,7 +13,7 @@ export function brokenSeal(bytes: Uint8Array, name: string): string | null {
   const start = bytes.length - prefix.length - VALUE;
   if (start < 0 || prefix.some((byte, i) => bytes[start + i] !== byte)) {
     return contains(bytes, "torchms.conventions")
-      ? `${name} is damaged, or was changed by another tool: it does not end with the seal that torchms wrote. Export it again.`
+      ? `${name} is damaged, or was changed by another tool: it does not end with its seal. Export it again.`
       : `${name} was not written by torchms: it carries no seal of it. Write one with “torchms export”.`;
   }
   const [format, digest] = new TextDecoder().decode(bytes.subarray(start + prefix.length)).split(" ");

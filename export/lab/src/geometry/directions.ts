@@ -37,7 +37,7 @@ export function packed(list: readonly Vec3[]): Float32Array {
   return out;
 }
 
-/** `n` directions around the plane of `wi`: the angle runs over the circle, 0 at the normal, positive on the mirror's side. */
+/** `n` directions around the plane of `wi`: the angle is 0 at the normal, and positive on the mirror's side. */
 export function planeOfIncidence(phi: number, n: number): { angle: Float64Array; directions: Vec3[] } {
   const angle = new Float64Array(n);
   const list: Vec3[] = [];

@@ -1,6 +1,6 @@
 /** Numbers in [0, 1): a low-discrepancy sequence for quadrature, and a seeded generator for random walks. */
 
-/** Multiplier of Korobov's lattice for each prime number of points; they minimise the error P2 in three and four dimensions. */
+/** Multiplier of Korobov's lattice for each prime number of points: they make P2 small in three and four dimensions. */
 const KOROBOV: Record<number, number> = { 251: 64, 1021: 413, 8191: 1564 };
 
 /** Components of the generating vector: powers of the multiplier modulo n. */

@@ -40,7 +40,14 @@ export function slider(store: Store, key: NumberKey, text: SliderText): HTMLElem
   store.subscribe((state, changed) => changed.has(key) && follow(state));
   follow(store.state);
   const unit = el("span", { class: "unit" }, text.unit ?? "");
-  return el("div", { class: "slider", "data-key": key }, el("label", { for: input.id }, text.label), number, unit, input);
+  return el(
+    "div",
+    { class: "slider", "data-key": key },
+    el("label", { for: input.id }, text.label),
+    number,
+    unit,
+    input,
+  );
 }
 
 /** One of several words, as a row of buttons (a radio group: arrow keys move). */
@@ -83,7 +90,12 @@ export function menu<K extends keyof State>(
   select.addEventListener("change", () => store.set({ [key]: select.value }));
   store.subscribe(follow);
   follow(store.state);
-  return el("div", { class: "field", "data-key": key }, el("label", { class: "caption", for: select.id }, label), select);
+  return el(
+    "div",
+    { class: "field", "data-key": key },
+    el("label", { class: "caption", for: select.id }, label),
+    select,
+  );
 }
 
 /** A box to tick. */

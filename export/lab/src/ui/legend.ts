@@ -22,7 +22,15 @@ function sample(key: Key): SVGSVGElement {
   const shape = document.createElementNS(ns, key.fill ? "rect" : "line");
   const given = key.fill
     ? { x: 6, y: 0, width: 14, height: 10, rx: 2, fill: key.colour }
-    : { x1: 0, y1: 5, x2: 26, y2: 5, stroke: key.colour, "stroke-width": 2.5, "stroke-dasharray": (key.dash ?? []).join(" ") };
+    : {
+        x1: 0,
+        y1: 5,
+        x2: 26,
+        y2: 5,
+        stroke: key.colour,
+        "stroke-width": 2.5,
+        "stroke-dasharray": (key.dash ?? []).join(" "),
+      };
   for (const [name, value] of Object.entries(given)) shape.setAttribute(name, String(value));
   svg.append(shape);
   return svg;

@@ -124,7 +124,12 @@ export function yTicks([low, high]: readonly [number, number], log: boolean): nu
   return ticks;
 }
 
-function stroke(context: CanvasRenderingContext2D, line: Line, X: (x: number) => number, Y: (y: number) => number): void {
+function stroke(
+  context: CanvasRenderingContext2D,
+  line: Line,
+  X: (x: number) => number,
+  Y: (y: number) => number,
+): void {
   const n = line.x.length;
   const at = (array: ArrayLike<number>, i: number): number => array[i] ?? NaN;
   if (line.band) {

@@ -56,10 +56,32 @@ function ramp(stops: readonly RGB[], t: number): RGB {
   return [0, 1, 2].map((c) => Math.round((a[c] as number) + ((b[c] as number) - (a[c] as number)) * (x - i))) as RGB;
 }
 
-const CIVIDIS: RGB[] = [[0, 32, 81], [60, 77, 110], [127, 124, 117], [187, 175, 113], [253, 234, 69]];
-const VIRIDIS: RGB[] = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]];
-const BLUE: RGB[] = [[33, 102, 172], [103, 169, 207], [209, 229, 240], [247, 247, 247]];
-const ORANGE: RGB[] = [[247, 247, 247], [253, 219, 184], [241, 163, 64], [179, 88, 6]];
+const CIVIDIS: RGB[] = [
+  [0, 32, 81],
+  [60, 77, 110],
+  [127, 124, 117],
+  [187, 175, 113],
+  [253, 234, 69],
+];
+const VIRIDIS: RGB[] = [
+  [68, 1, 84],
+  [59, 82, 139],
+  [33, 145, 140],
+  [94, 201, 98],
+  [253, 231, 37],
+];
+const BLUE: RGB[] = [
+  [33, 102, 172],
+  [103, 169, 207],
+  [209, 229, 240],
+  [247, 247, 247],
+];
+const ORANGE: RGB[] = [
+  [247, 247, 247],
+  [253, 219, 184],
+  [241, 163, 64],
+  [179, 88, 6],
+];
 
 /** Dark blue to yellow, as grey as it is colourful. */
 export const cividis = (t: number): RGB => ramp(CIVIDIS, t);

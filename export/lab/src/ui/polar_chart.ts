@@ -82,7 +82,8 @@ function spoke(context: CanvasRenderingContext2D, c: Point, radius: number, degr
   context.stroke();
   context.textAlign = "center";
   context.textBaseline = "middle";
-  if (Math.abs(degrees) !== 90) context.fillText(`${Math.abs(degrees)}°`, c.x + (radius + 13) * x, c.y + (radius + 11) * y);
+  if (Math.abs(degrees) !== 90)
+    context.fillText(`${Math.abs(degrees)}°`, c.x + (radius + 13) * x, c.y + (radius + 11) * y);
 }
 
 function curve(context: CanvasRenderingContext2D, line: Line, c: Point, R: (v: number) => number): void {

@@ -14,5 +14,10 @@ export function card(title: string, note: string, kind: string): Card {
   const heading = el("h2", {}, title);
   const line = el("p", { class: "note" }, note);
   const body = el("div", { class: "body" });
-  return { element: el("section", { class: `card ${kind}`, "aria-label": title }, heading, line, body), title: heading, note: line, body };
+  return {
+    element: el("section", { class: `card ${kind}`, "aria-label": title }, heading, line, body),
+    title: heading,
+    note: line,
+    body,
+  };
 }

@@ -13,10 +13,13 @@ export interface Share {
   transmitted: boolean;
 }
 
-/** The shares of a bar in their order; the last is what is missing from one (it may be negative: a model that gives too much). */
+/** The shares of a bar in their order; the last is what is missing from one, negative where a model gives too much. */
 export function shares(energy: Energy, channel: Channel, rest: string): Share[] {
   const list: Share[] = [];
-  for (const [orders, transmitted] of [[energy.reflected, false], [energy.transmitted, true]] as const) {
+  for (const [orders, transmitted] of [
+    [energy.reflected, false],
+    [energy.transmitted, true],
+  ] as const) {
     for (const label of orders.labels) {
       const value = orders.at(0, label as Bounce, channel);
       if (transmitted && value === 0) continue;

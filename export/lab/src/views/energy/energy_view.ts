@@ -21,7 +21,11 @@ export class EnergyView implements View {
 
   constructor(private readonly context: Context) {
     this.spheres = new SpheresView(context);
-    const perfect = el("button", { type: "button", class: "quiet", onclick: () => this.lossless() }, "Let nothing be absorbed (F = 1, albedo 1)");
+    const perfect = el(
+      "button",
+      { type: "button", class: "quiet", onclick: () => this.lossless() },
+      "Let nothing be absorbed (F = 1, albedo 1)",
+    );
     this.bars.element.append(perfect);
     this.live = new LiveEnergy(context, (now) => {
       this.energies = now;
@@ -36,22 +40,33 @@ export class EnergyView implements View {
 
   update(state: State): void {
     const all = this.context.manifest.models(state).filter((m) => m.reason === null);
-    this.live.request(state, all.map((m) => m.entry));
+    this.live.request(
+      state,
+      all.map((m) => m.entry),
+    );
     this.spheres.update(state);
   }
 
   redraw(state: State): void {
     const rest = restName(state.material, state.material === "conductor" ? state.metal === MIRROR : state.albedo === 1);
     const energies = this.energies;
-    const exact = [...(energies?.of.keys() ?? [])].some((m) => m === "invariance" || m === "height-walk");
+    const exact = this.context.manifest
+      .models(state)
+      .find(({ entry }) => entry.exact && energies?.of.has(entry.model ?? ""));
+    const averaged = `; ${exact?.entry.orders?.length ?? 0} bounces of the exact model, ${energies?.passes ?? 0} paths in each`;
     this.bars.note.textContent =
       `Share of the light from θi = ${state.theta.toFixed(1)}° that leaves after each bounce [%]; quadrature over ` +
-      `${energies?.nodes ?? 0} directions${exact ? `, exact model: ${energies?.passes ?? 0} paths in each; it counts eight bounces` : ""}`;
+      `${energies?.nodes ?? 0} directions${exact ? averaged : ""}`;
     const found = [...(energies?.of ?? [])];
     const bars = found.map(([model, energy]) => bar(modelStyle(model).name, shares(energy, state.channel, rest)));
     const labels = new Set(found.flatMap(([, energy]) => [...energy.reflected.labels]));
-    const keys = [...labels].sort().map((label) => ({ name: BOUNCE_NAMES[label as Bounce], colour: BOUNCE_COLOURS[label] ?? "#888", fill: true }));
-    const striped = state.material === "dielectric" ? el("p", { class: "note" }, "Striped: transmitted. Hatched grey: ", rest, ".") : el("p", { class: "note" }, "Hatched grey: ", rest, ".");
+    const keys = [...labels]
+      .sort()
+      .map((label) => ({ name: BOUNCE_NAMES[label as Bounce], colour: BOUNCE_COLOURS[label] ?? "#888", fill: true }));
+    const striped =
+      state.material === "dielectric"
+        ? el("p", { class: "note" }, "Striped: transmitted. Hatched grey: ", rest, ".")
+        : el("p", { class: "note" }, "Hatched grey: ", rest, ".");
     this.bars.body.replaceChildren(el("div", { class: "bars" }, ...bars), legend(keys), striped);
     this.spheres.redraw(state);
   }

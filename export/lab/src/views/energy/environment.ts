@@ -1,4 +1,4 @@
-/** Light around the spheres: a furnace, the same from everywhere, and a studio of soft boxes. A picture, not physics. */
+/** Light around the spheres: a furnace, the same from everywhere, and a studio. A picture, not physics. */
 
 import type { Vec3 } from "../../geometry/directions";
 

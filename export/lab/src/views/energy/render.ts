@@ -38,7 +38,10 @@ export class Film {
     const [wo, pdf] = [drawn["wo"]?.data, drawn["pdf"]?.data];
     if (!wo || !pdf) return;
     const question = { entry, wi: this.sphere.wi, wo, parameters: inputs };
-    const found = await lobe(engine, entry.exact ? { ...question, random: { seed: 7919 + this.passes, paths: 1 } } : question);
+    const found = await lobe(
+      engine,
+      entry.exact ? { ...question, random: { seed: 7919 + this.passes, paths: 1 } } : question,
+    );
     if (stale()) return;
     const furnace: Light = () => FURNACE;
     for (let row = 0; row < rows; row++) {
@@ -49,7 +52,7 @@ export class Film {
       [furnace, studio].forEach((light, i) => {
         const radiance = light(world);
         for (let c = 0; c < 3; c++) {
-          const channel = found.channels === 1 ? "Y" : (["R", "G", "B"] as const)[c] ?? "R";
+          const channel = found.channels === 1 ? "Y" : ((["R", "G", "B"] as const)[c] ?? "R");
           const scale = (radiance[c] ?? 0) / density;
           this.put(2 * i, 3 * row + c, scale * found.at(row, "1", channel));
           this.put(2 * i + 1, 3 * row + c, scale * found.at(row, "all", channel));

@@ -37,5 +37,7 @@ export function sphere(size: number, share: number): Sphere {
 
 /** The direction (x, y, z) of the frame of a pixel, in the world. */
 export function inWorld(frame: Sphere["frames"][number], d: Vec3): Vec3 {
-  return [0, 1, 2].map((c) => d[0] * (frame.x[c] ?? 0) + d[1] * (frame.y[c] ?? 0) + d[2] * (frame.z[c] ?? 0)) as unknown as Vec3;
+  return [0, 1, 2].map(
+    (c) => d[0] * (frame.x[c] ?? 0) + d[1] * (frame.y[c] ?? 0) + d[2] * (frame.z[c] ?? 0),
+  ) as unknown as Vec3;
 }

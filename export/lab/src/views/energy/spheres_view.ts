@@ -28,7 +28,13 @@ export class SpheresView {
   constructor(private readonly context: Context) {
     const { store } = context;
     this.canvases = TITLES.map((title, i) =>
-      el("canvas", { width: SIZE, height: SIZE, role: "img", id: `sphere-${i}`, "aria-label": `${title}: a sphere of this material` }),
+      el("canvas", {
+        width: SIZE,
+        height: SIZE,
+        role: "img",
+        id: `sphere-${i}`,
+        "aria-label": `${title}: a sphere of this material`,
+      }),
     );
     const figures = this.canvases.map((canvas, i) => el("figure", {}, canvas, el("figcaption", {}, TITLES[i] ?? "")));
     const parting = slider(store, "split", { label: "one bounce up to here", step: 0.01 });
@@ -78,7 +84,8 @@ export class SpheresView {
   }
 
   private note(entry: Entry, state: State): void {
-    const glass = state.material === "dielectric" ? "; light that passes goes straight on, without a second surface" : "";
+    const glass =
+      state.material === "dielectric" ? "; light that passes goes straight on, without a second surface" : "";
     this.card.note.textContent =
       `${modelStyle(entry.model ?? "").name}, ${this.film.passes} of ${PASSES} directions a pixel${glass}. ` +
       "In the furnace a sphere that absorbs nothing is invisible once all bounces are counted.";

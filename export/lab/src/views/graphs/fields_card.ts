@@ -15,7 +15,7 @@ const FAR = { alpha: [0.01, 1], mu: [0.01, 2] } as const;
 export class FieldsCard {
   private readonly card = card(
     "G1 of GTR, and what lies beyond γ = 4",
-    "G1 [1] over α [1] (to the right) and μ = cot θ [1] (up) for γ = 0 … 4; last: the distance of γ = 4 and γ = 10. Point at a field to read it.",
+    "G1 [1] over α (to the right) and μ = cot θ (up) for γ = 0 … 4; last: how far γ = 4 is from γ = 10. Point at one to read it.",
     "fields",
   );
   readonly element = this.card.element;
@@ -65,7 +65,12 @@ export class FieldsCard {
         context.fillText(far ? `${field.title}, at most ${short(most)}` : field.title, box.x, 4);
         context.imageSmoothingEnabled = false;
         const { alphas, mus } = FIELD;
-        const image = raster(field.values.map((v) => v / most), alphas, mus, colour);
+        const image = raster(
+          field.values.map((v) => v / most),
+          alphas,
+          mus,
+          colour,
+        );
         context.drawImage(image, box.x, box.y, box.width, box.height);
         this.axes(context, box, far ? FAR : NEAR);
         const bar = { x: box.x, y: height - 30, width: Math.floor(box.width), height: 8 };
@@ -75,7 +80,11 @@ export class FieldsCard {
     });
   }
 
-  private axes(context: CanvasRenderingContext2D, box: { x: number; y: number; width: number; height: number }, range: typeof NEAR | typeof FAR): void {
+  private axes(
+    context: CanvasRenderingContext2D,
+    box: { x: number; y: number; width: number; height: number },
+    range: typeof NEAR | typeof FAR,
+  ): void {
     context.fillStyle = themeColour("--soft");
     context.font = "11px system-ui, sans-serif";
     const [left, right] = range.alpha;
@@ -102,6 +111,7 @@ export class FieldsCard {
     const at = Math.floor(t * FIELD.mus) * FIELD.alphas + Math.floor(s * FIELD.alphas);
     const a = alpha[0] + s * (alpha[1] - alpha[0]);
     const m = mu[0] + (1 - t) * (mu[1] - mu[0]);
-    this.reading.textContent = `${field.title}: α = ${a.toFixed(2)}, μ = ${m.toFixed(2)}: ${short(field.values[at] ?? NaN)}`;
+    const value = short(field.values[at] ?? NaN);
+    this.reading.textContent = `${field.title}: α = ${a.toFixed(2)}, μ = ${m.toFixed(2)}: ${value} [1]`;
   }
 }

@@ -8,7 +8,14 @@ import { direction, packed } from "../../geometry/directions";
 
 const one = (x: number): Float32Array => Float32Array.of(x);
 
-async function ask(engine: Engine, manifest: Manifest, what: string, rows: number, inputs: Record<string, Float32Array>, d?: Distribution): Promise<Float32Array> {
+async function ask(
+  engine: Engine,
+  manifest: Manifest,
+  what: string,
+  rows: number,
+  inputs: Record<string, Float32Array>,
+  d?: Distribution,
+): Promise<Float32Array> {
   const entry = manifest.find(what, d);
   if (!entry) throw new Error(`The file of ${what}${d ? ` for ${d}` : ""} is missing: run “make lab”.`);
   const outputs = await engine.run({ file: entry.file, rows, inputs });
@@ -16,7 +23,12 @@ async function ask(engine: Engine, manifest: Manifest, what: string, rows: numbe
 }
 
 /** Lowest stretched z of reflections against their longitude [rad]: old cap, new cap, and the bound. */
-export async function capCurves(engine: Engine, manifest: Manifest, state: State, n: number): Promise<{ phi: Float32Array; delta: [Float32Array, Float32Array, Float32Array] }> {
+export async function capCurves(
+  engine: Engine,
+  manifest: Manifest,
+  state: State,
+  n: number,
+): Promise<{ phi: Float32Array; delta: [Float32Array, Float32Array, Float32Array] }> {
   const phi = Float32Array.from({ length: n }, (_, i) => -Math.PI + (2 * Math.PI * i) / (n - 1));
   const up = { ...state, theta: state.theta > 89 ? 180 - state.theta : state.theta };
   const inputs = { wi: packed([incidence(up)]), phi, alpha: one(state.alpha), alpha_y: one(state.alphaY) };
@@ -26,7 +38,13 @@ export async function capCurves(engine: Engine, manifest: Manifest, state: State
 }
 
 /** G1 on the full sphere against θ [rad], at the azimuth of the light. */
-export async function maskingCurve(engine: Engine, manifest: Manifest, state: State, d: Distribution, n: number): Promise<{ theta: Float32Array; G1: Float32Array }> {
+export async function maskingCurve(
+  engine: Engine,
+  manifest: Manifest,
+  state: State,
+  d: Distribution,
+  n: number,
+): Promise<{ theta: Float32Array; G1: Float32Array }> {
   const theta = Float32Array.from({ length: n }, (_, i) => (Math.PI * (i + 0.5)) / n);
   const wi = packed(Array.from(theta, (t) => direction(t, (state.phi * Math.PI) / 180)));
   const inputs = { wi, alpha: one(state.alpha), alpha_y: one(state.alphaY), gamma: one(state.gamma) };
@@ -43,7 +61,12 @@ export interface Field {
 export const FIELD = { alphas: 48, mus: 48 };
 
 /** G1 of GTR over (α, μ) for γ = 0 … 4. */
-export async function closedFields(engine: Engine, manifest: Manifest, alpha: readonly [number, number], mu: readonly [number, number]): Promise<Field[]> {
+export async function closedFields(
+  engine: Engine,
+  manifest: Manifest,
+  alpha: readonly [number, number],
+  mu: readonly [number, number],
+): Promise<Field[]> {
   const grid = cells(alpha, mu);
   const rows = grid.mu.length;
   const all = await ask(engine, manifest, "closed-forms", rows, { mu: grid.mu, roughness: grid.alpha });
@@ -54,7 +77,12 @@ export async function closedFields(engine: Engine, manifest: Manifest, alpha: re
 }
 
 /** |G1 of γ = 4 − G1 of γ = 10| over (α, μ). */
-export async function farField(engine: Engine, manifest: Manifest, alpha: readonly [number, number], mu: readonly [number, number]): Promise<Field> {
+export async function farField(
+  engine: Engine,
+  manifest: Manifest,
+  alpha: readonly [number, number],
+  mu: readonly [number, number],
+): Promise<Field> {
   const grid = cells(alpha, mu);
   const rows = grid.mu.length;
   const wi = packed(Array.from(grid.mu, (m) => direction(Math.atan(1 / m), 0)));
@@ -65,7 +93,10 @@ export async function farField(engine: Engine, manifest: Manifest, alpha: readon
   return { title: "|γ 4 − γ 10|", values: ten.map((x, i) => Math.abs((four[5 * i + 4] ?? NaN) - x)) };
 }
 
-function cells(alpha: readonly [number, number], mu: readonly [number, number]): { alpha: Float32Array; mu: Float32Array } {
+function cells(
+  alpha: readonly [number, number],
+  mu: readonly [number, number],
+): { alpha: Float32Array; mu: Float32Array } {
   const { alphas, mus } = FIELD;
   const between = (range: readonly [number, number], t: number): number => range[0] + (range[1] - range[0]) * t;
   const n = alphas * mus;

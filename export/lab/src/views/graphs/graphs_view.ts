@@ -26,11 +26,22 @@ export class GraphsView implements View {
   private readonly caps = card("Bounded visible normals", "", "graph");
   private readonly masking = card("Masking on the full sphere", "", "graph");
   private readonly fields: FieldsCard;
-  private readonly capsCanvas = el("canvas", { role: "img", id: "caps", "aria-label": "Caps of visible normals against longitude" });
-  private readonly maskingCanvas = el("canvas", { role: "img", id: "masking", "aria-label": "G1 against the angle from the normal" });
+  private readonly capsCanvas = el("canvas", {
+    role: "img",
+    id: "caps",
+    "aria-label": "Caps of visible normals against longitude",
+  });
+  private readonly maskingCanvas = el("canvas", {
+    role: "img",
+    id: "masking",
+    "aria-label": "G1 against the angle from the normal",
+  });
   readonly element: HTMLElement;
   private readonly work: Latest<State>;
-  private curves: { caps: Awaited<ReturnType<typeof capCurves>>; masking: Awaited<ReturnType<typeof maskingCurve>>[] } | null = null;
+  private curves: {
+    caps: Awaited<ReturnType<typeof capCurves>>;
+    masking: Awaited<ReturnType<typeof maskingCurve>>[];
+  } | null = null;
 
   constructor(private readonly context: Context) {
     this.fields = new FieldsCard(context);
@@ -63,16 +74,40 @@ export class GraphsView implements View {
     const alpha = state.round ? `α = ${state.alpha}` : `α = ${state.alpha} × ${state.alphaY}`;
     this.caps.note.textContent =
       `Lowest z of a reflection in the stretched frame [1] against its longitude φ [°], GGX, ${alpha}, ` +
-      `θi = ${state.theta.toFixed(1)}°, φi = ${state.phi.toFixed(1)}°. What lies between the two caps is never drawn in vain.`;
+      `θi = ${state.theta.toFixed(1)}°, φi = ${state.phi.toFixed(1)}°. Between the two caps no normal is drawn in vain.`;
     const degrees = (x: Float32Array): Float32Array => x.map((v) => (v * 180) / Math.PI);
     const x = degrees(caps.phi);
     const yRange = [-1.02, Math.max(0.1, ...caps.delta[2]) + 0.05] as const;
-    const axes = { xLabel: "longitude of the reflection φ [°]", yLabel: "δz [1]", xRange: [-180, 180] as const, xTicks: [-180, -90, 0, 90, 180] };
-    const curves = caps.delta.map((y, i) => ({ x, y, colour: CAPS[i]?.colour ?? "", dash: CAPS[i]?.dash ?? [], width: 2.2 }));
+    const axes = {
+      xLabel: "longitude of the reflection φ [°]",
+      yLabel: "δz [1]",
+      xRange: [-180, 180] as const,
+      xTicks: [-180, -90, 0, 90, 180],
+    };
+    const curves = caps.delta.map((y, i) => ({
+      x,
+      y,
+      colour: CAPS[i]?.colour ?? "",
+      dash: CAPS[i]?.dash ?? [],
+      width: 2.2,
+    }));
     lineChart(this.capsCanvas, { ...axes, yRange, zero: true }, curves);
-    this.masking.note.textContent = `G1 [1] against θ [°], logarithmic; above one for directions from below. ${alpha}, GTR: γ = ${state.gamma}, round.`;
-    const lines = masking.map(({ theta, G1 }, i) => ({ x: degrees(theta), y: G1, colour: MASKING[i]?.colour ?? "", dash: [...(MASKING[i]?.dash ?? [])], width: 2.2 }));
-    const log = { xLabel: "θ from the normal [°]", yLabel: "G1 [1]", xRange: [0, 180] as const, xTicks: [0, 45, 90, 135, 180], yRange: [0.05, 300] as const, log: true };
+    this.masking.note.textContent = `G1 [1] against θ [°], logarithmic; above one from below. ${alpha}, GTR: γ = ${state.gamma}, round.`;
+    const lines = masking.map(({ theta, G1 }, i) => ({
+      x: degrees(theta),
+      y: G1,
+      colour: MASKING[i]?.colour ?? "",
+      dash: [...(MASKING[i]?.dash ?? [])],
+      width: 2.2,
+    }));
+    const log = {
+      xLabel: "θ from the normal [°]",
+      yLabel: "G1 [1]",
+      xRange: [0, 180] as const,
+      xTicks: [0, 45, 90, 135, 180],
+      yRange: [0.05, 300] as const,
+      log: true,
+    };
     lineChart(this.maskingCanvas, log, lines);
   }
 

@@ -40,7 +40,10 @@ export class Handles {
   }
 
   private handle(name: string, colour: string, radius: number, moved: (d: Vec3) => void): Handle {
-    const ball = new THREE.Mesh(new THREE.SphereGeometry(radius, 32, 24), new THREE.MeshBasicMaterial({ color: colour }));
+    const ball = new THREE.Mesh(
+      new THREE.SphereGeometry(radius, 32, 24),
+      new THREE.MeshBasicMaterial({ color: colour }),
+    );
     const line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: colour }));
     const sprite = label(name, [0, 0, 0], colour);
     this.stage.scene.add(ball, line, sprite);

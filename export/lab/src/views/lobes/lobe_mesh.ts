@@ -1,7 +1,7 @@
 /** One lobe as surfaces: the value is the distance from the point that is lit.
  *
- * All bounces are drawn as shells: the innermost is one bounce, each further one adds the next; so the thickness of a shell
- * is what that bounce adds.
+ * All bounces are drawn as shells: the innermost is one bounce, each further one adds the next; so the thickness of a
+ * shell is what that bounce adds.
  */
 
 import * as THREE from "three";
@@ -27,9 +27,7 @@ type Mesh = THREE.Mesh<THREE.BufferGeometry, THREE.MeshStandardMaterial>;
 export class LobeMesh {
   readonly group = new THREE.Group();
   private readonly shells: Mesh[] = Array.from({ length: SHELLS }, (_, i) => {
-    // Outer shells let the inner ones be seen, and are drawn after them.
-    const glassy = i > 0 ? { transparent: true, opacity: 0.36, depthWrite: false } : {};
-    const material = new THREE.MeshStandardMaterial({ roughness: 0.42, metalness: 0, ...glassy });
+    const material = i === 0 ? new THREE.MeshStandardMaterial({ roughness: 0.42 }) : glassy();
     const mesh = new THREE.Mesh(new THREE.BufferGeometry(), material);
     mesh.frustumCulled = false;
     mesh.renderOrder = i;
@@ -62,10 +60,24 @@ export class LobeMesh {
       positions.set([d[0] * r, d[1] * r, d[2] * r], 3 * i);
     });
     const geometry = mesh.geometry;
-    if (geometry.index?.count !== grid.triangles.length) geometry.setIndex(new THREE.BufferAttribute(grid.triangles, 1));
+    if (geometry.index?.count !== grid.triangles.length)
+      geometry.setIndex(new THREE.BufferAttribute(grid.triangles, 1));
     put(geometry, "position", positions);
     geometry.computeVertexNormals();
   }
+}
+
+/** Clear where it is seen from the front, coloured towards its rim: outer shells let the inner ones be seen. */
+function glassy(): THREE.MeshStandardMaterial {
+  const material = new THREE.MeshStandardMaterial({ roughness: 1, transparent: true, depthWrite: false });
+  material.onBeforeCompile = (shader) => {
+    const rim = "diffuseColor.a *= mix(0.2, 0.95, pow(1.0 - abs(dot(normalize(vViewPosition), normal)), 1.7));";
+    shader.fragmentShader = shader.fragmentShader.replace(
+      "#include <opaque_fragment>",
+      `${rim}\n#include <opaque_fragment>`,
+    );
+  };
+  return material;
 }
 
 /** Distance for a value: in proportion, or the decades below `top`. */
@@ -75,8 +87,11 @@ export function length(value: number, shape: Pick<Shape, "scale" | "top">): numb
   return Math.max(0, 1 + Math.log10(value / shape.top) / DECADES);
 }
 
+/** The core is lit; what is clear shines of itself, so that its colour is that of the legend. */
 function paintFlat(mesh: Mesh, colour: string): void {
-  mesh.material.color.set(colour);
+  const { material } = mesh;
+  material.color.set(material.transparent ? "#000000" : colour);
+  material.emissive.set(material.transparent ? colour : "#000000");
   setVertexColours(mesh, false);
 }
 
@@ -86,7 +101,10 @@ function paintOwn(mesh: Mesh, orders: Orders, bounce: Bounce): void {
   for (let row = 0; row < orders.rows; row++) {
     const rgb = (["R", "G", "B"] as const).map((c) => Math.max(0, orders.at(row, bounce, c)));
     const most = Math.max(...rgb, 1e-12);
-    colours.set(rgb.map((x) => (0.9 * x) / most), 3 * row);
+    colours.set(
+      rgb.map((x) => (0.9 * x) / most),
+      3 * row,
+    );
   }
   mesh.material.color.set("#ffffff");
   put(mesh.geometry, "color", colours);

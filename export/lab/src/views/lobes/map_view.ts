@@ -64,7 +64,7 @@ export class MapView {
     this.card.note.textContent =
       found === null
         ? "One of the two does not tell these bounces apart."
-        : `RMS over the sphere ${percent(found.rms)} of the root mean square of ${nameB}; orange: the first is brighter`;
+        : `RMS over the sphere ${percent(found.rms)} of that of ${nameB}; orange: the first is brighter`;
     paint(this.canvas, (context, width, height) => found && this.draw(context, width, height, found, state));
     this.canvas.setAttribute("aria-label", `Difference map, ${this.card.note.textContent}`);
   }
@@ -94,9 +94,20 @@ export class MapView {
       context.restore();
       this.marks(context, x, edge, state, i === 0);
     });
-    const bar = { x: width / 2 - Math.min(120, width / 3), y: height - 30, width: Math.min(240, (2 * width) / 3), height: 8 };
+    const bar = {
+      x: width / 2 - Math.min(120, width / 3),
+      y: height - 30,
+      width: Math.min(240, (2 * width) / 3),
+      height: 8,
+    };
     const most = percent(found.most);
-    colourBar(context, bar, (t) => diverging(2 * t - 1), [`−${most}`, "of the highest value", `+${most}`], themeColour("--soft"));
+    colourBar(
+      context,
+      bar,
+      (t) => diverging(2 * t - 1),
+      [`−${most}`, "of the highest value", `+${most}`],
+      themeColour("--soft"),
+    );
   }
 
   private marks(context: CanvasRenderingContext2D, x: number, edge: number, state: State, own: boolean): void {
@@ -124,7 +135,7 @@ export class MapView {
   }
 }
 
-/** Values of the difference, the scale of the colours, and the RMS; null where a model does not tell the bounces apart. */
+/** Values of the difference, the scale of the colours, the RMS; null where a model does not tell the bounces apart. */
 function difference(pair: Pair, state: State): { values: Float64Array; most: number; rms: number } | null {
   if (!pair.first.has(state.bounce) || !pair.second.has(state.bounce)) return null;
   const a = pair.first.column(state.bounce, state.channel);

@@ -69,7 +69,8 @@ export class NumbersView {
     const value = this.followed?.lobes.get(model);
     const energy = this.energies?.of.get(model);
     const averaged = this.followed && this.followed.paths > 1 && !modelStyle(model).name.startsWith("Dist");
-    const channel = state.material === "dielectric" ? "" : `, channel ${state.channel === "Y" ? "luminance" : state.channel}`;
+    const channel =
+      state.material === "dielectric" ? "" : `, channel ${state.channel === "Y" ? "luminance" : state.channel}`;
     this.card.note.textContent =
       `${modelStyle(model).name}, i (${state.theta.toFixed(1)}°, ${state.phi.toFixed(1)}°), ` +
       `o (${state.outTheta.toFixed(1)}°, ${state.outPhi.toFixed(1)}°)${channel}` +
@@ -102,7 +103,12 @@ export class NumbersView {
     const rows: (string | number)[][] = [];
     for (const [model, energy] of this.energies?.of ?? []) {
       for (const label of energy.reflected.labels as Bounce[]) {
-        rows.push([model, label, energy.reflected.at(0, label, state.channel), energy.transmitted.at(0, label, state.channel)]);
+        rows.push([
+          model,
+          label,
+          energy.reflected.at(0, label, state.channel),
+          energy.transmitted.at(0, label, state.channel),
+        ]);
       }
     }
     return { name: "energies", head: ["model", "bounces", "reflected [1]", "transmitted [1]"], rows };

@@ -16,7 +16,11 @@ import { mainModel, shown, type Context, type Table } from "../context";
 const POINTS = 360;
 
 export class PlaneView {
-  private readonly card = card("In the plane of incidence", "f · |cos θo| [1/sr] against the angle from the normal [°]", "plane");
+  private readonly card = card(
+    "In the plane of incidence",
+    "f · |cos θo| [1/sr] against the angle from the normal [°]",
+    "plane",
+  );
   readonly element = this.card.element;
   readonly canvas = el("canvas", { role: "img", id: "plane" });
   private readonly keys = el("div");
@@ -53,9 +57,15 @@ export class PlaneView {
     const light = (state.theta * Math.PI) / 180;
     polarChart(this.canvas, { lines, log: state.scale === "log", whole: glass, light });
     const which = `${BOUNCE_NAMES[state.bounce]}, θi = ${state.theta.toFixed(1)}°`;
-    this.canvas.setAttribute("aria-label", `Lobes in the plane of incidence, ${which}; ${[...this.lobes.keys()].join(", ")}`);
+    this.canvas.setAttribute(
+      "aria-label",
+      `Lobes in the plane of incidence, ${which}; ${[...this.lobes.keys()].join(", ")}`,
+    );
     const models = [...this.lobes.keys()].map((model) => modelStyle(model));
-    const bounces = state.bounce === "all" ? this.bounces(state).map((b) => ({ name: BOUNCE_NAMES[b], colour: BOUNCE_COLOURS[b] ?? "", fill: true })) : [];
+    const bounces =
+      state.bounce === "all"
+        ? this.bounces(state).map((b) => ({ name: BOUNCE_NAMES[b], colour: BOUNCE_COLOURS[b] ?? "", fill: true }))
+        : [];
     this.keys.replaceChildren(legend([...models, ...bounces]));
   }
 
@@ -78,7 +88,13 @@ export class PlaneView {
     }
     for (const [model, each] of this.lobes) {
       const { colour, dash } = modelStyle(model);
-      lines.push({ x: this.angle, y: each.column(state.bounce, state.channel), colour, dash, width: model === main ? 2.4 : 1.7 });
+      lines.push({
+        x: this.angle,
+        y: each.column(state.bounce, state.channel),
+        colour,
+        dash,
+        width: model === main ? 2.4 : 1.7,
+      });
     }
     return lines;
   }
@@ -86,7 +102,8 @@ export class PlaneView {
   table(state: State): Table {
     const names = [...this.lobes.keys()];
     const head = ["angle in the plane of incidence [degrees]"];
-    for (const name of names) for (const label of this.lobes.get(name)?.labels ?? []) head.push(`${name}, ${label} bounces [1/sr]`);
+    for (const name of names)
+      for (const label of this.lobes.get(name)?.labels ?? []) head.push(`${name}, ${label} bounces [1/sr]`);
     const rows = Array.from(this.angle, (angle, row) => [
       (angle * 180) / Math.PI,
       ...names.flatMap((name) => {

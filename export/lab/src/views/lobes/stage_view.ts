@@ -75,7 +75,8 @@ export class StageView {
       if (side) lobe.update(side.grid, side.orders, shape);
     });
     const scale = state.scale === "log" ? "logarithmic, four decades" : "linear";
-    this.text.textContent = `${this.status} · ${BOUNCE_NAMES[state.bounce]} · highest value ${short(top)} /sr, ${scale}`;
+    const highest = `highest value ${short(top)} /sr, ${scale}`;
+    this.text.textContent = `${this.status} · ${BOUNCE_NAMES[state.bounce]} · ${highest}`;
     this.stage.draw();
   }
 
@@ -152,4 +153,3 @@ function highest(side: Side | undefined): Vec3 | null {
 function round(x: number): number {
   return Math.round(10 * x) / 10;
 }
-

@@ -32,7 +32,12 @@ export class SurfaceView implements View {
 
   constructor(private readonly context: Context) {
     const { store } = context;
-    const alphas = [["0.25", "α 0.25"], ["0.5", "α 0.5"], ["1", "α 1"], ["1,0.1", "α 1 × 0.1"]] as const;
+    const alphas = [
+      ["0.25", "α 0.25"],
+      ["0.5", "α 0.5"],
+      ["1", "α 1"],
+      ["1,0.1", "α 1 × 0.1"],
+    ] as const;
     const chooser = el(
       "div",
       { class: "chooser" },
@@ -51,7 +56,12 @@ export class SurfaceView implements View {
     const { store } = this.context;
     const group = el("div", { class: "segmented", role: "radiogroup", "aria-label": "Angle of incidence" });
     for (const theta of [0, 0.5, 1, 1.5]) {
-      const input = el("input", { type: "radio", name: "choose-tracedTheta", id: `tracedTheta-${theta}`, value: theta });
+      const input = el("input", {
+        type: "radio",
+        name: "choose-tracedTheta",
+        id: `tracedTheta-${theta}`,
+        value: theta,
+      });
       input.checked = store.state.tracedTheta === theta;
       input.addEventListener("change", () => store.set({ tracedTheta: theta }));
       store.subscribe((state) => void (input.checked = state.tracedTheta === theta));
@@ -63,7 +73,15 @@ export class SurfaceView implements View {
   /** The state of the models for the case: Beckmann normals, facets that absorb nothing, glass of 1.5. */
   private modelled(state: State, found: Traced): State {
     const [alpha, alphaY] = found.alpha;
-    const surface = { distribution: "beckmann", alpha, alphaY, round: alpha === alphaY, metal: MIRROR, eta: 1.5, albedo: 1 } as const;
+    const surface = {
+      distribution: "beckmann",
+      alpha,
+      alphaY,
+      round: alpha === alphaY,
+      metal: MIRROR,
+      eta: 1.5,
+      albedo: 1,
+    } as const;
     return consistent({ ...state, ...surface, theta: (found.theta * 180) / Math.PI, phi: 0 });
   }
 
@@ -103,7 +121,8 @@ export class SurfaceView implements View {
       const canvas = this.charts[i];
       if (!canvas) return;
       const lines = this.lines(found, degrees, bounce, i);
-      const energy = i < 4 ? [found.reflected[i] ?? 0, found.transmitted[i] ?? 0] : [sum(found.reflected), sum(found.transmitted)];
+      const energy =
+        i < 4 ? [found.reflected[i] ?? 0, found.transmitted[i] ?? 0] : [sum(found.reflected), sum(found.transmitted)];
       const title = `${NAMES[i]} · E ${short(energy[0] ?? 0)}${glass ? ` + ${short(energy[1] ?? 0)}` : ""}`;
       const range = glass ? ([-180, 180] as const) : ([-90, 90] as const);
       const xTicks = glass ? [-180, -90, 0, 90, 180] : [-90, -45, 0, 45, 90];
@@ -113,7 +132,8 @@ export class SurfaceView implements View {
     });
     const names = { conductor: "metal, F = 1", dielectric: "glass, η = 1.5", diffuse: "chalk, albedo 1" };
     this.card.note.textContent =
-      `Light paths traced on Gaussian surfaces, ${names[found.material]}, α = ${alphaName(found.alpha)}, θi = ${found.theta} rad: ` +
+      `Light paths traced on Gaussian surfaces, ${names[found.material]}, ` +
+      `α = ${alphaName(found.alpha)}, θi = ${found.theta} rad: ` +
       "f · |cos θo| [1/sr] with two standard errors, the models over it; E is the share of the light [1].";
     const keys = [...this.lobes.keys()].map((model) => modelStyle(model));
     const band = { name: "traced surface ± 2σ", colour: themeColour("--traced"), fill: true };
@@ -133,7 +153,10 @@ export class SurfaceView implements View {
   tables(): Table[] {
     const found = this.case;
     if (!found) return [];
-    const head = ["angle in the plane of incidence [rad]", ...NAMES.flatMap((n) => [`${n} [1/sr]`, `${n}, standard error [1/sr]`])];
+    const head = [
+      "angle in the plane of incidence [rad]",
+      ...NAMES.flatMap((n) => [`${n} [1/sr]`, `${n}, standard error [1/sr]`]),
+    ];
     const rows = found.angle.map((angle, row) => [
       angle,
       ...PANELS.flatMap((_, i) => [found.value[i]?.[row] ?? 0, found.stderr[i]?.[row] ?? 0]),
