@@ -53,7 +53,7 @@ export class EnergyView implements View {
     const exact = this.context.manifest
       .models(state)
       .find(({ entry }) => entry.exact && energies?.of.has(entry.model ?? ""));
-    const averaged = `; ${exact?.entry.orders?.length ?? 0} bounces of the exact model, ${energies?.passes ?? 0} paths in each`;
+    const averaged = `; the exact model: ${exact?.entry.orders?.length} bounces, ${energies?.passes ?? 0} paths in each`;
     this.bars.note.textContent =
       `Share of the light from θi = ${state.theta.toFixed(1)}° that leaves after each bounce [%]; quadrature over ` +
       `${energies?.nodes ?? 0} directions${exact ? averaged : ""}`;

@@ -15,7 +15,7 @@ const FAR = { alpha: [0.01, 1], mu: [0.01, 2] } as const;
 export class FieldsCard {
   private readonly card = card(
     "G1 of GTR, and what lies beyond γ = 4",
-    "G1 [1] over α (to the right) and μ = cot θ (up) for γ = 0 … 4; last: how far γ = 4 is from γ = 10. Point at one to read it.",
+    "G1 [1] over α (to the right) and μ = cot θ (up) for γ = 0 … 4; last: how far γ = 4 is from γ = 10. Point at one.",
     "fields",
   );
   readonly element = this.card.element;

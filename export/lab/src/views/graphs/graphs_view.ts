@@ -74,7 +74,7 @@ export class GraphsView implements View {
     const alpha = state.round ? `α = ${state.alpha}` : `α = ${state.alpha} × ${state.alphaY}`;
     this.caps.note.textContent =
       `Lowest z of a reflection in the stretched frame [1] against its longitude φ [°], GGX, ${alpha}, ` +
-      `θi = ${state.theta.toFixed(1)}°, φi = ${state.phi.toFixed(1)}°. Between the two caps no normal is drawn in vain.`;
+      `θi = ${state.theta.toFixed(1)}°, φi = ${state.phi.toFixed(1)}°. Nothing between the caps is drawn in vain.`;
     const degrees = (x: Float32Array): Float32Array => x.map((v) => (v * 180) / Math.PI);
     const x = degrees(caps.phi);
     const yRange = [-1.02, Math.max(0.1, ...caps.delta[2]) + 0.05] as const;
@@ -92,7 +92,7 @@ export class GraphsView implements View {
       width: 2.2,
     }));
     lineChart(this.capsCanvas, { ...axes, yRange, zero: true }, curves);
-    this.masking.note.textContent = `G1 [1] against θ [°], logarithmic; above one from below. ${alpha}, GTR: γ = ${state.gamma}, round.`;
+    this.masking.note.textContent = `G1 [1] against θ [°]; above one from below. ${alpha}, GTR: γ = ${state.gamma}, round.`;
     const lines = masking.map(({ theta, G1 }, i) => ({
       x: degrees(theta),
       y: G1,
