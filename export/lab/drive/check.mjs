@@ -38,7 +38,7 @@ async function controls(page) {
   const used = {};
   const state = () => page.evaluate(() => window.lab.state());
   for (const view of ["energy", "surface", "graphs", "lobes"]) {
-    await page.locator(`label[for="view-${view}"]`).click();
+    await page.locator(`[id="view-${view}"]`).click();
     used[`view ${view}`] = (await state()).view;
   }
   for (const [id, key] of [
@@ -52,7 +52,7 @@ async function controls(page) {
     ["channel-R", "channel"],
     ["theme-dark", "theme"],
   ]) {
-    await page.locator(`label[for="${id}"]`).click();
+    await page.locator(`[id="${id}"]`).click();
     used[id] = (await state())[key];
   }
   await page.locator("#set-round").click();
