@@ -36,6 +36,17 @@ async function sentence(page, path) {
 /** Every control is used once: what it changed in the state. */
 async function controls(page) {
   const used = {};
+  const start = {
+    round: true,
+    alpha: 0.6,
+    theta: 50,
+    phi: 100,
+    outTheta: 40,
+    outPhi: 20,
+    bounce: "all",
+    theme: "light",
+  };
+  await page.evaluate((change) => window.lab.set(change), start);
   const state = () => page.evaluate(() => window.lab.state());
   for (const view of ["energy", "surface", "graphs", "lobes"]) {
     await page.locator(`[id="view-${view}"]`).click();

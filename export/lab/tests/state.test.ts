@@ -44,5 +44,7 @@ describe("a state", () => {
     expect(applies("eta", state({}))).toBe(false);
     expect(applies("gamma", state({ distribution: "gtr" }))).toBe(true);
     expect(applies("alphaY", state({ round: false }))).toBe(true);
+    expect(applies("alpha", state({ view: "surface" }))).toBe(false);
+    expect(applies("alpha", state({ view: "graphs" }))).toBe(true);
   });
 });

@@ -31,7 +31,7 @@ export function modelChoice(store: Store, manifest: Manifest): HTMLElement {
   };
   store.subscribe(draw);
   draw(store.state);
-  return el("div", { class: "field" }, el("span", { class: "caption" }, "In the plots"), list);
+  return el("div", { class: "field", "data-key": "models" }, el("span", { class: "caption" }, "In the plots"), list);
 }
 
 /** The list with a name in it, or without it. */

@@ -5,7 +5,7 @@ import { menu, segmented, slider, toggle } from "../ui/controls";
 import { el } from "../ui/dom";
 import { modelStyle } from "../ui/palette";
 import { modelChoice } from "./model_choice";
-import type { State } from "./state";
+import type { State, View } from "./state";
 import type { Store } from "./store";
 
 export function panel(store: Store, manifest: Manifest, drop: HTMLElement): HTMLElement {
@@ -28,8 +28,23 @@ export function panel(store: Store, manifest: Manifest, drop: HTMLElement): HTML
   return element;
 }
 
+/** Controls that a view does without. */
+const UNUSED: Record<View, readonly string[]> = {
+  lobes: [],
+  energy: ["outTheta", "outPhi", "bounce", "scale", "tint", "against", "models"],
+  surface: [
+    ...["distribution", "alpha", "alphaY", "round", "metal", "eta", "albedo", "gamma", "theta", "phi"],
+    ...["outTheta", "outPhi", "bounce", "tint", "channel", "model", "against"],
+  ],
+  graphs: [
+    ...["material", "distribution", "metal", "eta", "albedo", "outTheta", "outPhi"],
+    ...["bounce", "scale", "tint", "channel", "model", "against", "models"],
+  ],
+};
+
 /** Whether a control means anything for the state. */
 export function applies(key: string, state: State): boolean {
+  if (UNUSED[state.view].includes(key)) return false;
   const isGlass = state.material === "dielectric";
   const needs: Record<string, boolean> = {
     metal: state.material === "conductor",
