@@ -107,6 +107,8 @@ async function drag(page) {
 }
 
 const { page, seen, close } = await open({ viewport: { width: 1440, height: 1000 }, acceptDownloads: true });
+// A busy machine is slow, not wrong.
+page.setDefaultTimeout(120_000);
 try {
   const start = Date.now();
   await page.goto(url);
