@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 DOCS := .venv/.docs
 
-.PHONY: demo demo-fit test test-all node-test coverage mutations bench pictures figures tables distil export docs lint clean
+.PHONY: demo demo-fit test test-all node-test lab lab-check lab-picture coverage mutations bench pictures figures tables distil export docs lint clean
 
 $(STAMP): constraints.txt setup.cfg pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -70,6 +70,30 @@ mutations: $(STAMP)  ## deliberate faults in formulas, and the test that catches
 node-test: $(STAMP)  ## exported files in ONNX Runtime for Node
 	npm ci --ignore-scripts --prefix tests/onnx/node
 	$(PYTEST) tests/onnx/test_outside_python.py
+
+# The evaluators are written once; `python -m export.lab_set --force` writes them anew. A mark says what they were made of.
+LAB := export/lab
+LAB_MODELS := $(LAB)/public/models/models.json
+
+$(LAB)/node_modules/.package-lock.json: $(LAB)/package.json $(LAB)/package-lock.json
+	npm ci --ignore-scripts --no-audit --no-fund --prefix $(LAB)
+
+$(LAB_MODELS): $(STAMP) export/lab_set.py export/diagrams.py $(wildcard torchms/approximations/*.npz)
+	rm -rf $(LAB)/public/models
+	$(BIN)/python -m export.lab_set
+
+lab: $(LAB)/node_modules/.package-lock.json $(LAB_MODELS)  ## the lobe lab, a static folder build/lab; `torchms lab` shows it (the first time about ten minutes)
+	npm run build --prefix $(LAB)
+
+lab-check: $(LAB)/node_modules/.package-lock.json  ## types, unit tests and build of the lab, without its evaluators
+	npm run check --prefix $(LAB)
+	npm test --prefix $(LAB)
+	npm run build --prefix $(LAB) -- --outDir ../../build/lab-check
+
+lab-picture: lab  ## docs/images/lab.png, by headless Chromium
+	node $(LAB)/drive/screenshot.mjs docs/images/lab.png --size 1360x850 --hash "$(LAB_STATE)"
+
+LAB_STATE := \#alpha=0.8&metal=Au&theta=45&outTheta=30
 
 bench: $(STAMP)  ## throughput of the evaluators on this machine, then ratios to scalar code and Mitsuba
 	$(BIN)/python benchmarks/throughput.py

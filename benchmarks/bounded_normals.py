@@ -18,7 +18,7 @@ from record import save
 from torch import Tensor
 
 from torchms import GGX
-from torchms.maths.frame import Vec3, direction, normalized, split
+from torchms.maths.frame import direction, normalized, split
 
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 F64 = torch.float64
@@ -83,16 +83,6 @@ def heat_map(rows: list[dict[str, Any]]) -> None:
     figure.savefig(FIGURES / "bounded_normals.png", dpi=90)
 
 
-def true_bound(surface: GGX, w: Tensor, phi: Tensor) -> Tensor:
-    """Stretched z of the reflections of `w` that lie on the horizon, at longitude φ."""
-    # o on the horizon: m ∝ w + o; the normal of the stretched sphere is m over the stretch; reflect the stretched w.
-    s = normalized(surface.stretched(split(w)))
-    ax, ay = surface.alphas
-    h = Vec3(w[0] + torch.cos(phi), w[1] + torch.sin(phi), w[2].expand_as(phi))
-    n = normalized(Vec3(h.x / ax, h.y / ay, h.z))
-    return 2 * (s.x * n.x + s.y * n.y + s.z * n.z) * n.z - s.z
-
-
 def supplement() -> None:
     """Fig. 1: δ_z of the old cap, of the bounded cap and of the reflection bound against longitude."""
     figure, axes = plt.subplots(2, 3, figsize=(10, 5.2), layout="constrained", sharex=True)
@@ -101,7 +91,7 @@ def supplement() -> None:
         surface, w = ggx(alpha), incident(degrees)
         s = normalized(surface.stretched(split(w)))
         old, new = float(-s.z), float(-surface.bound(split(w)) * s.z)
-        bound = true_bound(surface, w, phi)
+        bound = surface.horizon_bound(split(w), phi)
         assert float(bound.min()) >= new - 1e-12 and new >= old
         axis.axhline(old, color="green", linestyle="--", label="spherical cap")
         axis.axhline(new, color="red", label="bounded cap")

@@ -6,7 +6,14 @@ from importlib import import_module
 
 import tyro
 
-from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, RenderOptions, SimulateOptions
+from torchms.cli.options import (
+    EnergyOptions,
+    ExportOptions,
+    FiguresOptions,
+    LabOptions,
+    RenderOptions,
+    SimulateOptions,
+)
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
@@ -15,11 +22,12 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "figures": (FiguresOptions, "torchms.cli.figures:run_figures"),
     "render": (RenderOptions, "torchms.cli.render:run_render"),
     "export": (ExportOptions, "torchms.cli.export:run_export"),
+    "lab": (LabOptions, "torchms.cli.lab:run_lab"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""
 
 
-DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures and ONNX files.
+DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures, ONNX files and a page that shows them.
 
 Example: torchms energy --material conductor --metal Au --alpha 0.5
 

@@ -73,6 +73,14 @@ class GGX(EllipticDistribution):
         s2, a2 = s * s, a * a
         return torch.where(w.z > 0, (1 - a2) * s2 / (s2 + a2 * (w.z * w.z)), 1.0)
 
+    def horizon_bound(self, w: Vec3, phi: Tensor) -> Tensor:
+        """Stretched z of the reflection of `w` that lies on the horizon at longitude `phi` [rad]; at least −k s_z."""
+        # o on the horizon: m ∝ w + o; the normal of the stretched sphere is m over the stretch; reflect the stretched w.
+        s = normalized(self.stretched(w))
+        ax, ay = self.alphas
+        n = normalized(Vec3((w.x + torch.cos(phi)) / ax, (w.y + torch.sin(phi)) / ay, w.z.expand_as(phi)))
+        return 2 * dot(s, n) * n.z - s.z
+
     def bounded_area(self, w: Vec3) -> Tensor:
         """∫ ⟨w, m⟩ D(m) dm over the bounded normals: (k w_z + r) / 2; σ(w) below the horizon."""
         s = self.stretched(w)

@@ -1,0 +1,25 @@
+/** A letter that always faces the viewer. */
+
+import * as THREE from "three";
+
+export function label(text: string, at: readonly [number, number, number], colour: string): THREE.Sprite {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 64;
+  const context = canvas.getContext("2d");
+  if (context) {
+    context.fillStyle = colour;
+    context.font = "italic 44px Georgia, serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(text, 32, 34);
+  }
+  const material = new THREE.SpriteMaterial({
+    map: new THREE.CanvasTexture(canvas),
+    transparent: true,
+    depthTest: false,
+  });
+  const sprite = new THREE.Sprite(material);
+  sprite.position.set(...at);
+  sprite.scale.setScalar(0.16);
+  return sprite;
+}

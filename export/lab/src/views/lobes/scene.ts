@@ -1,0 +1,105 @@
+/** The stage: surface, axes, light and camera in 3-D. */
+
+import * as THREE from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { themeColour } from "../../ui/palette";
+import { label } from "./label";
+
+export class Stage {
+  readonly scene = new THREE.Scene();
+  readonly camera = new THREE.PerspectiveCamera(32, 1, 0.05, 50);
+  readonly renderer: THREE.WebGLRenderer;
+  readonly controls: OrbitControls;
+  private readonly decor = new THREE.Group();
+  private wanted = false;
+  /** Pictures drawn so far. */
+  frames = 0;
+
+  constructor(readonly canvas: HTMLCanvasElement) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.minDistance = 2;
+    this.controls.maxDistance = 9;
+    this.controls.enablePan = false;
+    this.controls.addEventListener("change", () => this.draw());
+    this.look(false);
+    this.scene.add(this.decor);
+    this.addLights();
+    this.restyle();
+  }
+
+  /** Puts the camera where one side of the surface, or both, are seen whole. */
+  look(both: boolean): void {
+    if (both) this.camera.position.set(1.75, -5.1, 1.5);
+    else this.camera.position.set(1.5, -3.7, 1.75);
+    this.controls.target.set(0, 0, both ? 0 : 0.36);
+    this.controls.update();
+  }
+
+  private addLights(): void {
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb8bccb, 2.2));
+    const key = new THREE.DirectionalLight(0xffffff, 2.1);
+    key.position.set(-1.5, -3, 4);
+    const back = new THREE.DirectionalLight(0xbfd4ff, 0.8);
+    back.position.set(3, 3, 1);
+    this.scene.add(key, back);
+  }
+
+  /** The surface as a disc with rings every quarter and spokes every 30°, in the colours of the theme. */
+  restyle(): void {
+    this.decor.clear();
+    const surface = new THREE.Mesh(
+      new THREE.CircleGeometry(1.18, 96),
+      new THREE.MeshBasicMaterial({
+        color: themeColour("--disc"),
+        transparent: true,
+        opacity: 0.72,
+        side: THREE.DoubleSide,
+        depthWrite: false,
+      }),
+    );
+    this.decor.add(surface);
+    const line = new THREE.LineBasicMaterial({ color: themeColour("--line-3d"), transparent: true, opacity: 0.9 });
+    for (const radius of [0.25, 0.5, 0.75, 1]) {
+      const ring = Array.from({ length: 129 }, (_, i) => polar(radius, (i * Math.PI) / 64));
+      this.decor.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(ring), line));
+    }
+    for (let i = 0; i < 12; i++) {
+      const spoke = [polar(0.25, (i * Math.PI) / 6), polar(1.18, (i * Math.PI) / 6)];
+      this.decor.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(spoke), line));
+    }
+    const normal = [new THREE.Vector3(0, 0, 0), new THREE.Vector3(0, 0, 1.12)];
+    this.decor.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(normal), line));
+    const ink = themeColour("--soft");
+    this.decor.add(label("n", [0, 0, 1.2], ink), label("x", [1.28, 0, 0], ink), label("y", [0, 1.28, 0], ink));
+    this.draw();
+  }
+
+  resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (width === 0 || height === 0) return;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    // A narrow screen takes a wider angle: the surface is seen whole.
+    this.camera.fov = width < 1.2 * height ? 37 : 32;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+
+  /** Draws at the next frame, once however often it is asked for. */
+  draw(): void {
+    if (this.wanted) return;
+    this.wanted = true;
+    requestAnimationFrame(() => {
+      this.wanted = false;
+      this.frames++;
+      this.renderer.render(this.scene, this.camera);
+    });
+  }
+}
+
+function polar(radius: number, angle: number): THREE.Vector3 {
+  return new THREE.Vector3(radius * Math.cos(angle), radius * Math.sin(angle), 0);
+}
