@@ -91,9 +91,9 @@ lab-check: $(LAB)/node_modules/.package-lock.json  ## types, unit tests and buil
 	npm run build --prefix $(LAB) -- --outDir ../../build/lab-check
 
 lab-picture: lab  ## docs/images/lab.png, by headless Chromium
-	node $(LAB)/drive/screenshot.mjs docs/images/lab.png --size 1360x850 --hash "$(LAB_STATE)"
+	node $(LAB)/drive/screenshot.mjs docs/images/lab.png --size 1360x860 --dark --hash "$(LAB_STATE)"
 
-LAB_STATE := \#alpha=0.8&metal=Au&theta=45&outTheta=30
+LAB_STATE := \#alpha=0.8&metal=Ag&theta=45&outTheta=30
 
 bench: $(STAMP)  ## throughput of the evaluators on this machine, then ratios to scalar code and Mitsuba
 	$(BIN)/python benchmarks/throughput.py
