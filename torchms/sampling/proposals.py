@@ -71,6 +71,11 @@ class DielectricProposal(Proposal):
     vertex: Refractive
     n_uniforms = 4
 
+    def from_three(self, u0: Tensor, u1: Tensor, u2: Tensor) -> list[Tensor]:
+        """Four numbers for `sample` from three: the one that chooses the lobe is uniform again once it is stretched."""
+        q = higher_order_share(self.vertex.distribution)
+        return [u0, u1, u2, torch.where(u0 < q, u0 / q, (u0 - q) / (1 - q))]
+
     def sample(self, wi: Vec3, u: Sequence[Tensor]) -> Vec3:
         w, side, _ = self.vertex.enter(wi)
         m = self.vertex.distribution.visible_normal(w, u[1], u[2])

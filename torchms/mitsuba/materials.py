@@ -1,0 +1,89 @@
+"""What the plugins are made of: which torchms surface, and which of its numbers Mitsuba's parameters are."""
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from torchms.approximations import Distilled
+from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+from torchms.distributions import GGX, Beckmann
+from torchms.estimators import HeightWalk, Scattering, Unidirectional
+from torchms.fresnel import Conductor, Dielectric
+from torchms.mitsuba.recorded import Recorded
+from torchms.paths.segments import Invariance
+
+DISTRIBUTIONS = {"ggx": GGX, "beckmann": Beckmann}
+SCATTERINGS = ("distilled", "exact")
+LIMITS = {"distilled": (0.03, 1.0), "exact": GGX.limits}
+"""Range of α."""
+EXAMPLE = 0.5
+"""Any α in range: a recorded kernel does not depend on it."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What tells the recorded kernels of a plugin apart."""
+
+    distribution: str
+    isotropic: bool
+    scattering: str
+    max_order: int
+    n_channels: int
+    mode: str
+
+    def facets(self) -> GGX | Beckmann:
+        return DISTRIBUTIONS[self.distribution](EXAMPLE, None if self.isotropic else EXAMPLE)
+
+    def sum_of_bounces(self, exact: Callable[[int], Scattering]) -> Scattering:
+        return Distilled() if self.scattering == "distilled" else exact(self.max_order)
+
+
+@dataclass(frozen=True)
+class Material:
+    """One plugin. own: torchms' name of a parameter → Mitsuba's. scales: factors of what is reflected and transmitted.
+
+    components: names of flags in `mitsuba.BSDFFlags`, what is reflected first.
+    """
+
+    make: Callable[[Choice], BSDF]
+    own: Mapping[str, str]
+    scales: tuple[str, ...]
+    components: tuple[str, ...]
+
+
+def _walk(max_order: int) -> Scattering:
+    return Unidirectional(Invariance(), max_order)
+
+
+def _conductor(c: Choice) -> BSDF:
+    index = [1.0] * c.n_channels
+    return RoughConductor(c.facets(), Conductor(index, index), c.sum_of_bounces(_walk))
+
+
+def _dielectric(c: Choice) -> BSDF:
+    return RoughDielectric(c.facets(), Dielectric(1.5), c.sum_of_bounces(HeightWalk), c.mode)
+
+
+def _diffuse(c: Choice) -> BSDF:
+    return RoughDiffuse(c.facets(), [0.5] * c.n_channels, c.sum_of_bounces(_walk))
+
+
+MATERIALS = {
+    "torchms_conductor": Material(
+        _conductor, {"fresnel.eta": "eta", "fresnel.k": "k"}, ("specular_reflectance",), ("GlossyReflection",)
+    ),
+    "torchms_dielectric": Material(
+        _dielectric,
+        {"fresnel.eta": "eta"},
+        ("specular_reflectance", "specular_transmittance"),
+        ("GlossyReflection", "GlossyTransmission"),
+    ),
+    "torchms_diffuse": Material(_diffuse, {"reflectance": "reflectance"}, (), ("DiffuseReflection",)),
+}
+ALPHAS = {"distribution.alpha": "alpha_u", "distribution.alpha_y": "alpha_v"}
+
+
+@functools.cache
+def recorded(name: str, choice: Choice) -> Recorded:
+    """The kernels of a plugin; equal ones are recorded once a process."""
+    return Recorded(MATERIALS[name].make(choice))
