@@ -103,7 +103,9 @@ class Recorder(TorchDispatchMode):
         plain = name.removesuffix("_") if in_place else name
         if plain == "detach" and self.holds:
             out = func(*args, **kwargs)
-            return self.values.note(out, self.values.each("detach", KINDS[out.dtype], out.shape, self.values.of(args[0])))
+            return self.values.note(
+                out, self.values.each("detach", KINDS[out.dtype], out.shape, self.values.of(args[0]))
+            )
         if plain not in MOVES and not knows(plain):
             return self._decomposed(func, args, kwargs)
         out = func(*args, **kwargs)
@@ -135,9 +137,7 @@ def _several(x: Any) -> Sequence[Tensor]:
     return x if isinstance(x, list | tuple) else (x,)
 
 
-def record(
-    function: Callable[[Recorder], Sequence[Tensor]], holds: bool = False
-) -> tuple[Program, list[torch.Size]]:
+def record(function: Callable[[Recorder], Sequence[Tensor]], holds: bool = False) -> tuple[Program, list[torch.Size]]:
     """The program of `function`, which takes its inputs from the recorder, and the shapes of what it returns.
 
     holds: as for a `Recorder`.

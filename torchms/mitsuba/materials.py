@@ -2,13 +2,17 @@
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
 
 from torchms.approximations import Distilled
+from torchms.approximations.coordinates import ETA
 from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
 from torchms.distributions import GGX, Beckmann
 from torchms.estimators import HeightWalk, Scattering, Unidirectional
 from torchms.fresnel import Conductor, Dielectric
+from torchms.mitsuba.parameters import borrowed
 from torchms.mitsuba.recorded import Recorded
 from torchms.paths.segments import Invariance
 
@@ -40,15 +44,19 @@ class Choice:
 
 @dataclass(frozen=True)
 class Material:
-    """One plugin. own: torchms' name of a parameter → Mitsuba's. scales: factors of what is reflected and transmitted.
+    """One plugin.
 
-    components: names of flags in `mitsuba.BSDFFlags`, what is reflected first.
+    read: its own parameters from Mitsuba's properties. own: torchms' name of a parameter → Mitsuba's.
+    scales: factors of what is reflected and transmitted. components: names in `mitsuba.BSDFFlags`, reflection first.
+    ranges: where its own parameters may lie.
     """
 
     make: Callable[[Choice], BSDF]
+    read: Callable[[Any], dict[str, Any]]
     own: Mapping[str, str]
     scales: tuple[str, ...]
     components: tuple[str, ...]
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def _walk(max_order: int) -> Scattering:
@@ -68,17 +76,45 @@ def _diffuse(c: Choice) -> BSDF:
     return RoughDiffuse(c.facets(), [0.5] * c.n_channels, c.sum_of_bounces(_walk))
 
 
+def _metal(props: Any) -> dict[str, Any]:
+    if "eta" not in props and "k" not in props:
+        return {name: borrowed("roughconductor", props, ("material",), name) for name in ("eta", "k")}
+    if "material" in props:
+        raise ValueError("torchms_conductor: give either material, or eta and k; got both.")
+    return {name: props.get_unbounded_texture(name) for name in ("eta", "k")}
+
+
+def _glass(props: Any) -> dict[str, Any]:
+    if "eta" not in props:
+        return {
+            "eta": import_module("mitsuba").Float(borrowed("roughdielectric", props, ("int_ior", "ext_ior"), "eta"))
+        }
+    if "int_ior" in props or "ext_ior" in props:
+        raise ValueError("torchms_dielectric: give either eta, the ratio int_ior / ext_ior, or those; got both.")
+    return {"eta": props.get_unbounded_texture("eta")}
+
+
+def _chalk(props: Any) -> dict[str, Any]:
+    return {"reflectance": props.get_texture("reflectance", 0.5)}
+
+
 MATERIALS = {
     "torchms_conductor": Material(
-        _conductor, {"fresnel.eta": "eta", "fresnel.k": "k"}, ("specular_reflectance",), ("GlossyReflection",)
+        _conductor,
+        _metal,
+        {"fresnel.eta": "eta", "fresnel.k": "k"},
+        ("specular_reflectance",),
+        ("GlossyReflection",),
     ),
     "torchms_dielectric": Material(
         _dielectric,
+        _glass,
         {"fresnel.eta": "eta"},
         ("specular_reflectance", "specular_transmittance"),
         ("GlossyReflection", "GlossyTransmission"),
+        {"eta": (1 / ETA, ETA)},
     ),
-    "torchms_diffuse": Material(_diffuse, {"reflectance": "reflectance"}, (), ("DiffuseReflection",)),
+    "torchms_diffuse": Material(_diffuse, _chalk, {"reflectance": "reflectance"}, (), ("DiffuseReflection",)),
 }
 ALPHAS = {"distribution.alpha": "alpha_u", "distribution.alpha_y": "alpha_v"}
 

@@ -19,14 +19,6 @@ from torchms.sampling.proposals import DielectricProposal
 Direction = tuple[Value, Value, Value]
 
 
-class Sampled(NamedTuple):
-    """A direction, its density [1/sr] and f · |cos θ_o| there, a number a channel."""
-
-    wo: Direction
-    pdf: Value
-    value: list[Value]
-
-
 def _value(bsdf: BSDF, directions: Sequence[Vec3], numbers: Sequence[Tensor]) -> list[Tensor]:
     (value,) = kernels.FORWARD(bsdf, *directions, numbers)
     return [value]
@@ -37,28 +29,23 @@ def _pdf(bsdf: BSDF, directions: Sequence[Vec3], numbers: Sequence[Tensor]) -> l
     return [pdf]
 
 
-def _sampled(bsdf: BSDF, directions: Sequence[Vec3], numbers: Sequence[Tensor]) -> list[Tensor]:
-    """The first three numbers choose the direction, which is all that a renderer gives; the others are the value's."""
-    (wi,), chosen = directions, list(numbers[:3])
+def _sample(bsdf: BSDF, directions: Sequence[Vec3], numbers: Sequence[Tensor]) -> list[Tensor]:
     proposal = bsdf.proposal
-    if isinstance(proposal, DielectricProposal):
-        chosen = proposal.from_three(*chosen)
-    wo, pdf = kernels.SAMPLE(bsdf, wi, chosen)
-    return [wo, pdf, *_value(bsdf, (wi, Vec3(*wo)), numbers[3:])]
+    chosen = proposal.from_three(*numbers) if isinstance(proposal, DielectricProposal) else numbers
+    return list(kernels.SAMPLE(bsdf, *directions, chosen))
 
 
 class Kernel(NamedTuple):
-    """What is recorded: a function of a BSDF, of so many directions, and of so many numbers before those of a value."""
+    """What is recorded: a function of a BSDF, of so many directions, and of so many numbers; None for those of a value."""
 
     function: Callable[[BSDF, Sequence[Vec3], Sequence[Tensor]], list[Tensor]]
     n_directions: int
-    n_numbers: int
-    values: bool
+    n_numbers: int | None
 
 
-VALUE = Kernel(_value, 2, 0, True)
-PDF = Kernel(_pdf, 2, 0, False)
-SAMPLE = Kernel(_sampled, 1, 3, True)
+VALUE = Kernel(_value, 2, None)
+PDF = Kernel(_pdf, 2, 0)
+SAMPLE = Kernel(_sample, 1, 3)
 
 
 class Recorded:
@@ -81,21 +68,20 @@ class Recorded:
         self, wi: Direction, wo: Direction, given: Sequence[Value], numbers: Sequence[Value], differentiable: bool
     ) -> list[Value]:
         """f · |cos θ_o| [1/sr], a number a channel; `given` are the numbers of all parameters, one after the other."""
-        return self.replay(VALUE, differentiable)([*wi, *wo, *numbers, *given])
+        return self._replay(VALUE, differentiable)([*wi, *wo, *numbers, *given])
 
     def pdf(self, wi: Direction, wo: Direction, given: Sequence[Value], differentiable: bool) -> Value:
         """Density of `sample` at `wo` [1/sr]."""
-        (pdf,) = self.replay(PDF, differentiable)([*wi, *wo, *given])
-        return pdf
+        return self._replay(PDF, differentiable)([*wi, *wo, *given])[0]
 
     def sample(
-        self, wi: Direction, chosen: Sequence[Value], given: Sequence[Value], numbers: Sequence[Value], differentiable: bool
-    ) -> Sampled:
-        """A direction from three random numbers, and its value from `numbers`."""
-        x, y, z, pdf, *value = self.replay(SAMPLE, differentiable)([*wi, *chosen, *numbers, *given])
-        return Sampled((x, y, z), pdf, value)
+        self, wi: Direction, numbers: Sequence[Value], given: Sequence[Value], differentiable: bool
+    ) -> tuple[Direction, Value]:
+        """A direction from three random numbers, which is what a renderer gives, and its density [1/sr]."""
+        x, y, z, pdf = self._replay(SAMPLE, differentiable)([*wi, *numbers, *given])
+        return (x, y, z), pdf
 
-    def replay(self, kernel: Kernel, differentiable: bool) -> Replay:
+    def _replay(self, kernel: Kernel, differentiable: bool) -> Replay:
         """`kernel`; differentiable: with the guards of gradients, and with what sampled directions are held for."""
         key = (kernel, differentiable)
         with self._lock:
@@ -112,7 +98,7 @@ class Recorded:
             return [recorder.column(dtype).requires_grad_(differentiable) for _ in range(count)]
 
         directions = [Vec3(*(x[None] for x in columns(3))) for _ in range(kernel.n_directions)]
-        n_numbers = kernel.n_numbers + (self.n_numbers if kernel.values else 0)
+        n_numbers = self.n_numbers if kernel.n_numbers is None else kernel.n_numbers
         numbers = [recorder.column(torch.float32)[None] for _ in range(n_numbers)]
         values = {}
         for name, channels in self.parameters.items():
