@@ -70,15 +70,15 @@ class Recorded:
         """f · |cos θ_o| [1/sr], a number a channel; `given` are the numbers of all parameters, one after the other."""
         return self._replay(VALUE, differentiable)([*wi, *wo, *numbers, *given])
 
-    def pdf(self, wi: Direction, wo: Direction, given: Sequence[Value], differentiable: bool) -> Value:
+    def pdf(self, wi: Sequence[Value], wo: Sequence[Value], given: Sequence[Value]) -> Value:
         """Density of `sample` at `wo` [1/sr]."""
-        return self._replay(PDF, differentiable)([*wi, *wo, *given])[0]
+        return self._replay(PDF, False)([*wi, *wo, *given])[0]
 
     def sample(
-        self, wi: Direction, numbers: Sequence[Value], given: Sequence[Value], differentiable: bool
+        self, wi: Sequence[Value], numbers: Sequence[Value], given: Sequence[Value]
     ) -> tuple[Direction, Value]:
         """A direction from three random numbers, which is what a renderer gives, and its density [1/sr]."""
-        x, y, z, pdf = self._replay(SAMPLE, differentiable)([*wi, *numbers, *given])
+        x, y, z, pdf = self._replay(SAMPLE, False)([*wi, *numbers, *given])
         return (x, y, z), pdf
 
     def _replay(self, kernel: Kernel, differentiable: bool) -> Replay:

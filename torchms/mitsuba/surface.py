@@ -71,7 +71,10 @@ class Surface:
     # At an interaction.
 
     def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Value, which: str) -> tuple[Any, Value]:
-        """f · |cos θ_o| as a spectrum, and the density of `sample` [1/sr]; what is not asked for is 0."""
+        """f · |cos θ_o| as a spectrum, and the density of `sample` [1/sr]; what is not asked for is 0.
+
+        The density is held, as that of `sample` is: the weights of several techniques must sum to one with their gradients.
+        """
         kernels, wi, active = self._enter(ctx, si, active)
         there = self._safe(wo, active)
         given = self._given(si, active, kernels)
@@ -82,16 +85,21 @@ class Surface:
         if "value" in which:
             value = self._value(kernels, si, wi, there, given, active, differentiable)
         if "pdf" in which:
-            pdf = self.dr.select(active, kernels.pdf(wi, there, given, differentiable), 0)
+            held = ([self.dr.detach(x) for x in values] for values in (wi, there, given))
+            pdf = self.dr.select(active, kernels.pdf(*held), self.mi.Float(0))
         return self._polarized(value), pdf
 
     def sample(self, ctx: Any, si: Any, sample1: Value, sample2: Any, active: Value) -> tuple[Any, Any]:
-        """A direction and f · |cos θ_o| / density, as Mitsuba wants them."""
+        """A direction and f · |cos θ_o| / density, as Mitsuba wants them.
+
+        The direction and its density are held: the lobe that is chosen jumps, and with it what follows, as parameters move.
+        """
         mi, dr = self.mi, self.dr
         kernels, wi, active = self._enter(ctx, si, active)
         given = self._given(si, active, kernels)
         differentiable = self._differentiable(*wi, *given)
-        wo, pdf = kernels.sample(wi, (sample1, sample2.x, sample2.y), given, differentiable)
+        chosen = (sample1, sample2.x, sample2.y)
+        wo, pdf = kernels.sample(*([dr.detach(x) for x in values] for values in (wi, chosen, given)))
         transmitted = wi[2] * wo[2] < 0
         active &= (pdf > 0) & self._enabled(ctx, transmitted)
         value = self._value(kernels, si, wi, wo, given, active, differentiable)
