@@ -74,9 +74,7 @@ class Recorded:
         """Density of `sample` at `wo` [1/sr]."""
         return self._replay(PDF, False)([*wi, *wo, *given])[0]
 
-    def sample(
-        self, wi: Sequence[Value], numbers: Sequence[Value], given: Sequence[Value]
-    ) -> tuple[Direction, Value]:
+    def sample(self, wi: Sequence[Value], numbers: Sequence[Value], given: Sequence[Value]) -> tuple[Direction, Value]:
         """A direction from three random numbers, which is what a renderer gives, and its density [1/sr]."""
         x, y, z, pdf = self._replay(SAMPLE, False)([*wi, *numbers, *given])
         return (x, y, z), pdf

@@ -42,6 +42,8 @@ class Replay:
             elif name == "cast":
                 values[v] = _cast(mi, values[int(arguments[0])], kind)
             else:
+                # Products of masks are masks.
+                name = "and" if name == "mul" and kind == "b" else name
                 values[v] = table[name](*(values[int(a)] for a in arguments))
         return [values[v] for v in self.program.results]
 

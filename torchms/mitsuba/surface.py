@@ -1,5 +1,6 @@
 """What a plugin does, without Mitsuba's class around it: its parameters, and its kernels at Mitsuba's interactions."""
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
@@ -30,9 +31,11 @@ class Surface:
         self.transmits = len(self.flags) > 1
         channels = dr.size_v(mi.UnpolarizedSpectrum)
         split = len(self.alphas) > 1
+        # Where nothing is transmitted, both are the same.
+        modes = {"radiance": "radiance", "importance": "importance" if self.transmits else "radiance"}
         self.kernels: dict[str, Recorded] = {
-            mode: recorded(plugin, Choice(distribution, not split, self.scattering, max_order, channels, mode))
-            for mode in ("radiance", "importance")
+            name: recorded(plugin, Choice(distribution, not split, self.scattering, max_order, channels, mode))
+            for name, mode in modes.items()
         }
         self.changed()
 
@@ -78,7 +81,7 @@ class Surface:
         kernels, wi, active = self._enter(ctx, si, active)
         there = self._safe(wo, active)
         given = self._given(si, active, kernels)
-        differentiable = self._differentiable(*wi, *there, *given)
+        differentiable, given = self._attached(wi, there, given)
         transmitted = wi[2] * there[2] < 0
         active &= self._enabled(ctx, transmitted)
         value, pdf = self.mi.UnpolarizedSpectrum(0), self.mi.Float(0)
@@ -97,7 +100,7 @@ class Surface:
         mi, dr = self.mi, self.dr
         kernels, wi, active = self._enter(ctx, si, active)
         given = self._given(si, active, kernels)
-        differentiable = self._differentiable(*wi, *given)
+        differentiable, given = self._attached(wi, (), given)
         chosen = (sample1, sample2.x, sample2.y)
         wo, pdf = kernels.sample(*([dr.detach(x) for x in values] for values in (wi, chosen, given)))
         transmitted = wi[2] * wo[2] < 0
@@ -139,8 +142,13 @@ class Surface:
             )
         return self.dr.select(transmitted, self.mi.Bool(asked[1]), self.mi.Bool(asked[0]))
 
-    def _differentiable(self, *values: Value) -> bool:
-        return any(self.dr.grad_enabled(x) for x in values if self.dr.is_diff_v(x))
+    def _attached(self, wi: Direction, wo: Sequence[Value], given: list[Value]) -> tuple[bool, list[Value]]:
+        """Whether gradients are wanted; then every parameter has one number a lane, so that they are summed up once."""
+        dr = self.dr
+        if not any(dr.grad_enabled(x) for x in (*wi, *wo, *given) if dr.is_diff_v(x)):
+            return False, given
+        here = wi[2] < 2
+        return True, [dr.select(here, x, self.mi.Float(0)) for x in given]
 
     def _value(
         self, kernels: Recorded, si: Any, wi: Direction, wo: Direction, given: list, active: Value, differentiable: bool
