@@ -49,8 +49,10 @@ def _plugin(name: str) -> type:
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
             return self.surface.sample(ctx, si, sample1, sample2, active)
 
-        def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def value(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self.surface.eval_pdf(ctx, si, wo, active, "value")[0]
+
+        eval = value
 
         def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self.surface.eval_pdf(ctx, si, wo, active, "pdf")[1]
