@@ -208,7 +208,7 @@ def test_components(variant):
 
 REFUSED = {
     "a word": ({"scattering": "fast"}, "must be one of distilled, exact; got 'fast'"),
-    "another": ({"distribution": "gtr"}, "must be one of ggx, beckmann"),
+    "another": ({"distribution": "gtr"}, "must be one of beckmann, ggx"),
     "both": ({"alpha": 0.3, "alpha_u": 0.2}, "give either alpha, or alpha_u and alpha_v"),
     "smooth": ({"alpha": 0.01}, r"alpha.value must lie in \[0.03, 1\]; got 0.01.*exact"),
     "too smooth": ({"alpha": 1e-4, "scattering": "exact"}, r"must lie in \[0.001, 2\]"),

@@ -16,30 +16,28 @@ from torchms.mitsuba.parameters import borrowed
 from torchms.mitsuba.recorded import Recorded
 from torchms.paths.segments import Invariance
 
-DISTRIBUTIONS = {"ggx": GGX, "beckmann": Beckmann}
-SCATTERINGS = ("distilled", "exact")
+DISTRIBUTIONS = {"beckmann": Beckmann, "ggx": GGX}
 LIMITS = {"distilled": (0.03, 1.0), "exact": GGX.limits}
-"""Range of α."""
+"""What sums the bounces, and the range of α."""
 EXAMPLE = 0.5
 """Any α in range: a recorded kernel does not depend on it."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What tells the recorded kernels of a plugin apart."""
+    """What tells the recorded kernels of a plugin apart. words: those of its `Material.words`, in that order."""
 
-    distribution: str
+    words: tuple[str, ...]
     isotropic: bool
-    scattering: str
     max_order: int
     n_channels: int
     mode: str
 
     def facets(self) -> GGX | Beckmann:
-        return DISTRIBUTIONS[self.distribution](EXAMPLE, None if self.isotropic else EXAMPLE)
+        return DISTRIBUTIONS[self.words[0]](EXAMPLE, None if self.isotropic else EXAMPLE)
 
     def sum_of_bounces(self, exact: Callable[[int], Scattering]) -> Scattering:
-        return Distilled() if self.scattering == "distilled" else exact(self.max_order)
+        return Distilled() if self.words[1] == "distilled" else exact(self.max_order)
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class Material:
 
     read: its own parameters from Mitsuba's properties. own: torchms' name of a parameter → Mitsuba's.
     scales: factors of what is reflected and transmitted. components: names in `mitsuba.BSDFFlags`, reflection first.
-    ranges: where its own parameters may lie.
+    ranges: where its own parameters may lie. words: name of a property → what it may be, the default first.
     """
 
     make: Callable[[Choice], BSDF]
@@ -57,6 +55,9 @@ class Material:
     scales: tuple[str, ...]
     components: tuple[str, ...]
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    words: Mapping[str, tuple[str, ...]] = field(
+        default_factory=lambda: {"distribution": tuple(DISTRIBUTIONS), "scattering": tuple(LIMITS)}
+    )
 
 
 def _walk(max_order: int) -> Scattering:

@@ -1,15 +1,15 @@
 """The parameters of a plugin as Mitsuba names them: textures and numbers, what may be asked of them, where they may lie."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
 Value = Any
 
 
-def chosen(plugin: str, props: Any, name: str, known: Iterable[str], default: str) -> str:
-    """The string property `name`, one of `known`; ValueError otherwise."""
-    found = props.get(name, default)
+def chosen(plugin: str, props: Any, name: str, known: Sequence[str]) -> str:
+    """The string property `name`, one of `known`, the first if it is not given; ValueError otherwise."""
+    found = props.get(name, known[0])
     if found not in known:
         raise ValueError(f"{plugin}: {name} must be one of {', '.join(known)}; got {found!r}.")
     return found

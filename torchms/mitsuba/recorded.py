@@ -14,7 +14,6 @@ from torchms.machine.simplify import simplified
 from torchms.maths.frame import Vec3
 from torchms.mitsuba.replay import Replay, Value
 from torchms.parameters.exchange import parameters, with_parameters
-from torchms.sampling.proposals import DielectricProposal
 
 Direction = tuple[Value, Value, Value]
 
@@ -30,9 +29,8 @@ def _pdf(bsdf: BSDF, directions: Sequence[Vec3], numbers: Sequence[Tensor]) -> l
 
 
 def _sample(bsdf: BSDF, directions: Sequence[Vec3], numbers: Sequence[Tensor]) -> list[Tensor]:
-    proposal = bsdf.proposal
-    chosen = proposal.from_three(*numbers) if isinstance(proposal, DielectricProposal) else numbers
-    return list(kernels.SAMPLE(bsdf, *directions, chosen))
+    (wi,) = directions
+    return list(kernels.SAMPLE(bsdf, wi, bsdf.proposal.from_three(wi, *numbers)))
 
 
 class Kernel(NamedTuple):

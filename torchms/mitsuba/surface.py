@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 from torchms.mitsuba import noise
-from torchms.mitsuba.materials import ALPHAS, DISTRIBUTIONS, LIMITS, MATERIALS, SCATTERINGS, Choice, recorded
+from torchms.mitsuba.materials import ALPHAS, LIMITS, MATERIALS, Choice, recorded
 from torchms.mitsuba.parameters import alphas, check_range, chosen, whole
 from torchms.mitsuba.recorded import Direction, Recorded
 
@@ -18,23 +18,22 @@ class Surface:
     def __init__(self, plugin: str, props: Any) -> None:
         mi, dr = import_module("mitsuba"), import_module("drjit")
         self.mi, self.dr, self.plugin, self.material = mi, dr, plugin, MATERIALS[plugin]
-        distribution = chosen(plugin, props, "distribution", DISTRIBUTIONS, "beckmann")
-        self.scattering = chosen(plugin, props, "scattering", SCATTERINGS, "distilled")
+        self.words = {name: chosen(plugin, props, name, known) for name, known in self.material.words.items()}
         if not props.get("sample_visible", True):
             raise ValueError(f"{plugin}: sample_visible must be true; directions are drawn by visible normals.")
         self.seed, self.paths = whole(plugin, props, "seed", 0, 0, 2**31 - 1), whole(plugin, props, "paths", 1, 1, 64)
         max_order = whole(plugin, props, "max_order", 8, 1, 16)
-        self.alphas = alphas(plugin, props)
+        self.alphas = alphas(plugin, props) if "distribution" in self.words else {}
         self.own = self.material.read(props)
         self.scales = {name: props.get_texture(name, 1.0) for name in self.material.scales}
         self.flags = [+getattr(mi.BSDFFlags, name) for name in self.material.components]
         self.transmits = len(self.flags) > 1
         channels = dr.size_v(mi.UnpolarizedSpectrum)
-        split = len(self.alphas) > 1
+        isotropic = len(self.alphas) < 2 and "anisotropy" not in self.own
         # Where nothing is transmitted, both are the same.
         modes = {"radiance": "radiance", "importance": "importance" if self.transmits else "radiance"}
         self.kernels: dict[str, Recorded] = {
-            name: recorded(plugin, Choice(distribution, not split, self.scattering, max_order, channels, mode))
+            name: recorded(plugin, Choice(tuple(self.words.values()), isotropic, max_order, channels, mode))
             for name, mode in modes.items()
         }
         self.changed()
@@ -47,15 +46,15 @@ class Surface:
 
     def changed(self) -> None:
         """Look at the parameters: when they are new, and whenever Mitsuba says that they have changed."""
-        low, high = LIMITS[self.scattering]
-        remedy = f"An optimizer keeps it there with params[key] = dr.clip(params[key], {low:g}, {high:g})."
-        if self.scattering == "distilled":
-            remedy += ' scattering="exact" serves alpha in [0.001, 2].'
-        check_range(self.plugin, self.alphas, low, high, remedy)
-        for name, (least, most) in self.material.ranges.items():
-            check_range(
-                self.plugin, {name: self.own[name]}, least, most, "It is outside of what the kernels were made for."
-            )
+        if self.alphas:
+            low, high = LIMITS[self.words["scattering"]]
+            remedy = f"An optimizer keeps it there with params[key] = dr.clip(params[key], {low:g}, {high:g})."
+            if low > LIMITS["exact"][0]:
+                remedy += ' scattering="exact" serves alpha in [0.001, 2].'
+            check_range(self.plugin, self.alphas, low, high, remedy)
+        for name, (low, high) in self.material.ranges.items():
+            given = {name: self.own[name]} if name in self.own else {}
+            check_range(self.plugin, given, low, high, "Outside of it there is no such surface, or none was learned.")
 
     def _given(self, si: Any, active: Value, kernels: Recorded) -> list[Value]:
         """The numbers of all parameters at `si`, in the order of the kernels' columns."""
