@@ -212,7 +212,7 @@ REFUSED = {
     "both": ({"alpha": 0.3, "alpha_u": 0.2}, "give either alpha, or alpha_u and alpha_v"),
     "smooth": ({"alpha": 0.01}, r"alpha.value must lie in \[0.03, 1\]; got 0.01.*exact"),
     "too smooth": ({"alpha": 1e-4, "scattering": "exact"}, r"must lie in \[0.001, 2\]"),
-    "no paths": ({"paths": 0}, r"paths must be a whole number in \[1, 64\]; got 0"),
+    "no paths": ({"paths": 0}, r"paths must be a whole number in \[1, 16\]; got 0"),
     "twice": ({"eta": 1.3, "material": "Au", "k": 1.0}, "give either material, or eta and k"),
 }
 
@@ -236,7 +236,13 @@ def test_parameters_are_mitsubas(variant):
         '<float name="alpha_u" value="0.2"/><float name="alpha_v" value="0.3"/></bsdf>'
     )
     shown = mi.traverse(glass)
-    assert shown["eta"] == pytest.approx(2.419 / 1.000277) and shown["alpha_v.value"] == pytest.approx(0.3)
+    assert shown["eta.value"] == pytest.approx(2.419 / 1.000277) and shown["alpha_v.value"] == pytest.approx(0.3)
+    shown["eta.value"] = 1.7
+    shown.update()
+    assert mi.traverse(glass)["eta.value"] == pytest.approx(1.7)
+    shown["eta.value"] = 4.0
+    with pytest.raises(ValueError, match=r"eta.value must lie in \[0.333333, 3\]; got 4"):
+        shown.update()
 
 
 @needs_llvm

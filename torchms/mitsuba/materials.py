@@ -87,9 +87,9 @@ def _metal(props: Any) -> dict[str, Any]:
 
 def _glass(props: Any) -> dict[str, Any]:
     if "eta" not in props:
-        return {
-            "eta": import_module("mitsuba").Float(borrowed("roughdielectric", props, ("int_ior", "ext_ior"), "eta"))
-        }
+        mi, eta = import_module("mitsuba"), borrowed("roughdielectric", props, ("int_ior", "ext_ior"), "eta")
+        # A number of Python's cannot be moved from outside, a texture of one can.
+        return {"eta": mi.load_dict({"type": "uniform", "value": eta}) if mi.Float is float else mi.Float(eta)}
     if "int_ior" in props or "ext_ior" in props:
         raise ValueError("torchms_dielectric: give either eta, the ratio int_ior / ext_ior, or those; got both.")
     return {"eta": props.get_unbounded_texture("eta")}

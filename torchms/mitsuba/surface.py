@@ -21,7 +21,7 @@ class Surface:
         self.words = {name: chosen(plugin, props, name, known) for name, known in self.material.words.items()}
         if not props.get("sample_visible", True):
             raise ValueError(f"{plugin}: sample_visible must be true; directions are drawn by visible normals.")
-        self.seed, self.paths = whole(plugin, props, "seed", 0, 0, 2**31 - 1), whole(plugin, props, "paths", 1, 1, 64)
+        self.seed, self.paths = whole(plugin, props, "seed", 0, 0, 2**31 - 1), whole(plugin, props, "paths", 1, 1, 16)
         max_order = whole(plugin, props, "max_order", 8, 1, 16)
         self.alphas = alphas(plugin, props) if "distribution" in self.words else {}
         self.own = self.material.read(props)
