@@ -102,7 +102,7 @@ def test_mitsubas_chi2(variant, material, alpha, theta):  # noqa: F811
     # Steep lobes need fine cells: the density is integrated by the trapezoid rule.
     fine = alpha == 0.1 or split or theta == 1.4
     test = chi2.ChiSquareTest(
-        chi2.SphericalDomain(), sample, density, 3, 400_000, res=201 if fine else 51, ires=16 if fine else 8
+        chi2.SphericalDomain(), sample, density, 3, 400_000, res=201 if fine else 51, ires=16 if fine else 32
     )
     assert test.run(0.001, test_count=len(CHI2), quiet=True), test.messages
     assert abs(float(test.pdf_sum[0]) - 1) < 2e-3
