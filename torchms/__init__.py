@@ -45,7 +45,18 @@ _HOME = {
     "constrain": "parameters.constrain",
     "set_validation": "evaluation.arguments",
 }
-_MODULES = ("approximations", "fresnel", "lobes", "measured", "microsurface", "mitsuba", "onnx", "render", "shading", "testing")
+_MODULES = (
+    "approximations",
+    "fresnel",
+    "lobes",
+    "measured",
+    "microsurface",
+    "mitsuba",
+    "onnx",
+    "render",
+    "shading",
+    "testing",
+)
 
 
 def _offered(part: str) -> dict[str, Any]:
