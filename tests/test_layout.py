@@ -39,7 +39,7 @@ LAYERS = (
     # What is done with a surface.
     ("parameters.constrain", "citations"),
     ("lobes", "testing", "render", "shading", "measured", "approximations.distil"),
-    ("microsurface", "onnx"),
+    ("microsurface", "onnx", "mitsuba"),
     # The command line.
     ("cli", "__main__"),
 )

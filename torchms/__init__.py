@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from torchms import lobes as lobes
     from torchms import measured as measured
     from torchms import microsurface as microsurface
+    from torchms import mitsuba as mitsuba
     from torchms import onnx as onnx
     from torchms import render as render
     from torchms import shading as shading
@@ -44,7 +45,18 @@ _HOME = {
     "constrain": "parameters.constrain",
     "set_validation": "evaluation.arguments",
 }
-_MODULES = ("approximations", "fresnel", "lobes", "measured", "microsurface", "onnx", "render", "shading", "testing")
+_MODULES = (
+    "approximations",
+    "fresnel",
+    "lobes",
+    "measured",
+    "microsurface",
+    "mitsuba",
+    "onnx",
+    "render",
+    "shading",
+    "testing",
+)
 
 
 def _offered(part: str) -> dict[str, Any]:

@@ -62,10 +62,14 @@ NEW = frozenset(
 
 
 class Recorder(TorchDispatchMode):
-    """While it is entered, operations on the tensors that `column` and `shared` gave are written into a program."""
+    """While it is entered, operations on the tensors that `column` and `shared` gave are written into a program.
 
-    def __init__(self) -> None:
+    holds: whether `detach` is an operation of the program, for who differentiates that, or only another name of a number.
+    """
+
+    def __init__(self, holds: bool = False) -> None:
         super().__init__()
+        self.holds = holds
         self.values = Values()
         self.n_columns = self.n_shared = 0
 
@@ -97,6 +101,11 @@ class Recorder(TorchDispatchMode):
             return func(*args, **kwargs)
         in_place = name.endswith("_") and not name.endswith("__")
         plain = name.removesuffix("_") if in_place else name
+        if plain == "detach" and self.holds:
+            out = func(*args, **kwargs)
+            return self.values.note(
+                out, self.values.each("detach", KINDS[out.dtype], out.shape, self.values.of(args[0]))
+            )
         if plain not in MOVES and not knows(plain):
             return self._decomposed(func, args, kwargs)
         out = func(*args, **kwargs)
@@ -128,9 +137,12 @@ def _several(x: Any) -> Sequence[Tensor]:
     return x if isinstance(x, list | tuple) else (x,)
 
 
-def record(function: Callable[[Recorder], Sequence[Tensor]]) -> tuple[Program, list[torch.Size]]:
-    """The program of `function`, which takes its inputs from the recorder, and the shapes of what it returns."""
-    recorder = Recorder()
+def record(function: Callable[[Recorder], Sequence[Tensor]], holds: bool = False) -> tuple[Program, list[torch.Size]]:
+    """The program of `function`, which takes its inputs from the recorder, and the shapes of what it returns.
+
+    holds: as for a `Recorder`.
+    """
+    recorder = Recorder(holds)
     with recorder:
         found = function(recorder)
     for tensor in found:

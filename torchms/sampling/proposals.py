@@ -32,6 +32,10 @@ class Proposal(ABC):
     def density(self, wi: Vec3, wo: Vec3) -> Tensor:
         """Density at `wo` [1/sr]; zero where `wi` is on a side that the surface does not serve."""
 
+    def from_three(self, wi: Vec3, u0: Tensor, u1: Tensor, u2: Tensor) -> list[Tensor]:
+        """The numbers of `sample` from three, which is what a renderer has: one that has chosen serves again, stretched."""
+        return [u0, u1, u2]
+
 
 def higher_order_share(distribution: MicrofacetDistribution) -> Tensor:
     """Weight of the lobe for the higher orders: α² / (1 + α²) of the mean square roughness."""
@@ -70,6 +74,10 @@ class DielectricProposal(Proposal):
 
     vertex: Refractive
     n_uniforms = 4
+
+    def from_three(self, wi: Vec3, u0: Tensor, u1: Tensor, u2: Tensor) -> list[Tensor]:
+        q = higher_order_share(self.vertex.distribution)
+        return [u0, u1, u2, torch.where(u0 < q, u0 / q, (u0 - q) / (1 - q))]
 
     def sample(self, wi: Vec3, u: Sequence[Tensor]) -> Vec3:
         w, side, _ = self.vertex.enter(wi)

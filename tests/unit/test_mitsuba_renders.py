@@ -1,0 +1,197 @@
+"""Pictures in Mitsuba: energy, Mitsuba's own test of samples, and gradients of its integrators."""
+
+import math
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import pytest
+import torch
+
+pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
+
+from test_mitsuba_plugins import CHALK, GLASS, METAL, needs_llvm, variant  # noqa: F401
+
+WHITE = {
+    "metal": {"type": "torchms_conductor", "material": "none"},
+    "glass": {"type": "torchms_dielectric", "int_ior": 1.5, "ext_ior": 1.0},
+    "chalk": {"type": "torchms_diffuse", "reflectance": 1.0},
+}
+
+
+def sphere(mi: Any, bsdf: dict[str, Any], emitter: dict[str, Any], integrator: dict[str, Any], size: int) -> Any:
+    """A ball that fills the picture's inner half."""
+    view = mi.ScalarTransform4f().look_at([0, 0, 6], [0, 0, 0], [0, 1, 0])
+    film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}}
+    return mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": integrator,
+            "sensor": {"type": "perspective", "fov": 18, "to_world": view, "film": film},
+            "light": emitter,
+            "ball": {"type": "sphere", "bsdf": bsdf},
+        }
+    )
+
+
+def inside(picture: Any, radius: float) -> torch.Tensor:
+    """The pixels within `radius` of the picture's half width."""
+    pixels = torch.as_tensor(import_module("numpy").array(picture))
+    x = (torch.arange(len(pixels)) + 0.5) / len(pixels) * 2 - 1
+    return pixels[(x[:, None] ** 2 + x[None] ** 2) < radius**2]
+
+
+FURNACES = [
+    *(("metal", a, i) for a in (0.1, 0.3, 0.6) for i in ("path", "direct")),
+    *(("chalk", a, i) for a in (0.3, 0.6) for i in ("path", "direct")),
+]
+
+
+@needs_llvm
+@pytest.mark.parametrize(
+    ("material", "alpha", "integrator"),
+    [pytest.param(*case, marks=[] if case == ("metal", 0.3, "path") else pytest.mark.slow) for case in FURNACES],
+)
+def test_white_furnace(variant, material, alpha, integrator):  # noqa: F811
+    """A white ball in a white room is not seen."""
+    mi = variant("llvm_ad_rgb")
+    bsdf = WHITE[material] | {"distribution": "ggx", "alpha": alpha}
+    scene = sphere(mi, bsdf, {"type": "constant", "radiance": 1.0}, {"type": integrator}, 64)
+    found = inside(mi.render(scene, spp=64, seed=1), 0.99)
+    assert abs(float(found.mean()) - 1) < 2e-3
+
+
+@needs_llvm
+@pytest.mark.slow
+@pytest.mark.parametrize("alpha", [0.1, 0.3])
+def test_glass_ball_keeps_all_light(variant, alpha):  # noqa: F811
+    """What a ball of glass reflects and transmits is what a white room sends it."""
+    mi = variant("llvm_ad_rgb")
+    scene = sphere(
+        mi,
+        WHITE["glass"] | {"distribution": "ggx", "alpha": alpha},
+        {"type": "constant", "radiance": 1.0},
+        {"type": "path", "max_depth": 64, "rr_depth": 1000},
+        64,
+    )
+    assert abs(float(inside(mi.render(scene, spp=64, seed=1), 0.99).mean()) - 1) < 0.01
+
+
+CHI2 = [
+    (material, alpha, theta)
+    for material in WHITE
+    for alpha in (0.1, 0.4, 1.0, (0.5, 0.15))
+    for theta in (0.2, 0.9, 1.4, *((2.1, 2.9) if material == "glass" else ()))
+]
+
+
+@needs_llvm
+@pytest.mark.parametrize(
+    ("material", "alpha", "theta"),
+    [pytest.param(*case, marks=[] if case == ("metal", 0.4, 0.9) else pytest.mark.slow) for case in CHI2],
+)
+def test_mitsubas_chi2(variant, material, alpha, theta):  # noqa: F811
+    """Samples follow the density, which sums to one, by Mitsuba's own test."""
+    mi = variant("llvm_ad_rgb")
+    chi2 = import_module("mitsuba.chi2")
+    split = isinstance(alpha, tuple)
+    rough = dict(zip(("alpha_u", "alpha_v"), alpha, strict=True)) if split else {"alpha": alpha}
+    wi = mi.ScalarVector3f(0.8 * math.sin(theta), 0.6 * math.sin(theta), math.cos(theta))
+    plugin = WHITE[material] | {"distribution": "ggx"} | rough
+    sample, density = chi2.BSDFAdapter(plugin["type"], plugin, wi=wi)
+    # Steep lobes need fine cells: the density is integrated by the trapezoid rule.
+    fine = alpha == 0.1 or split or theta == 1.4
+    test = chi2.ChiSquareTest(
+        chi2.SphericalDomain(), sample, density, 3, 400_000, res=201 if fine else 51, ires=16 if fine else 32
+    )
+    assert test.run(0.001, test_count=len(CHI2), quiet=True), test.messages
+    assert abs(float(test.pdf_sum[0]) - 1) < 2e-3
+
+
+GRADIENTS = {
+    "metal-alpha": (METAL | {"alpha": 0.4}, "alpha.value"),
+    "metal-eta": (METAL | {"alpha": 0.4}, "eta.value"),
+    "chalk-alpha": (CHALK | {"alpha": 0.4}, "alpha.value"),
+    "chalk-colour": (CHALK | {"alpha": 0.4}, "reflectance.value"),
+    "glass-alpha": (GLASS | {"alpha": 0.4}, "alpha.value"),
+    "glass-eta": (GLASS | {"alpha": 0.4}, "eta"),
+    "metal-exact": (METAL | {"alpha": 0.4, "scattering": "exact", "max_order": 3}, "alpha.value"),
+}
+
+
+def lamp(mi: Any) -> dict[str, Any]:
+    """A room that is brighter on one side, without edges."""
+    np = import_module("numpy")
+    y, x = np.mgrid[0:16, 0:32]
+    left = 1 + 0.9 * np.sin(x / 32 * 2 * np.pi)
+    pixels = np.stack([left, 0.7 + 0.5 * np.cos(y / 16 * np.pi), left], -1).astype(np.float32)
+    return {"type": "envmap", "bitmap": mi.Bitmap(pixels)}
+
+
+@needs_llvm
+@pytest.mark.slow
+@pytest.mark.parametrize("case", GRADIENTS)
+def test_gradients(variant, case):  # noqa: F811
+    """Replayed backwards (`prb`), forwards through `path`, and as a difference: of a weighted mean of a picture."""
+    mi, dr, np = variant("llvm_ad_rgb"), import_module("drjit"), import_module("numpy")
+    bsdf, key = GRADIENTS[case]
+    bsdf = bsdf | {"distribution": "ggx"}
+    weights = mi.TensorXf(np.random.default_rng(0).uniform(0, 1, (12, 12, 3)).astype(np.float32))
+    spp, step = 8192, 0.02
+
+    def loss(picture: Any) -> Any:
+        return dr.mean(picture * weights, axis=None)
+
+    def moved(integrator: str, change: Any) -> tuple[Any, Any]:
+        scene = sphere(mi, bsdf, lamp(mi), {"type": integrator, "max_depth": 4, "rr_depth": 100}, 12)
+        shown = mi.traverse(scene)
+        name = f"ball.bsdf.{key}"
+        shown[name] = type(shown[name])(shown[name]) + change
+        shown.update()
+        return scene, shown
+
+    def of(integrator: str, run: Callable[[Any, Any], Any]) -> float:
+        change = mi.Float(0)
+        dr.enable_grad(change)
+        scene, shown = moved(integrator, change)
+        return float(run(mi.render(scene, shown, spp=spp, seed=3), change)[0])
+
+    def backward(picture: Any, change: Any) -> Any:
+        dr.backward(loss(picture))
+        return dr.grad(change)
+
+    def forward(picture: Any, change: Any) -> Any:
+        dr.forward(change)
+        return loss(dr.grad(picture)).array
+
+    difference = 0.0
+    for sign in (1, -1):
+        scene, _ = moved("path", sign * step)
+        difference += sign * float(loss(mi.render(scene, spp=2 * spp, seed=5)).array[0]) / (2 * step)
+    assert of("prb", backward) == pytest.approx(difference, rel=0.02)
+    assert of("path", forward) == pytest.approx(difference, rel=0.02)
+
+
+@needs_llvm
+@pytest.mark.slow
+def test_roughness_is_found(variant):  # noqa: F811
+    """Steps of Adam through `prb` find the α of a picture."""
+    mi, dr = variant("llvm_ad_rgb"), import_module("drjit")
+
+    def scene(alpha: float) -> Any:
+        bsdf = {"type": "torchms_conductor", "material": "Au", "distribution": "ggx", "alpha": alpha}
+        return sphere(mi, bsdf, lamp(mi), {"type": "prb", "max_depth": 3}, 16)
+
+    target = mi.render(scene(0.6), spp=2048, seed=9)
+    start = scene(0.25)
+    shown, key = mi.traverse(start), "ball.bsdf.alpha.value"
+    adam = mi.ad.Adam(lr=0.03)
+    adam[key] = shown[key]
+    shown.update(adam)
+    for step in range(40):
+        error = dr.mean(dr.square(mi.render(start, shown, spp=64, seed=step) - target), axis=None)
+        dr.backward(error)
+        adam.step()
+        adam[key] = dr.clip(adam[key], 0.03, 1)
+        shown.update(adam)
+    assert float(shown[key][0]) == pytest.approx(0.6, abs=0.03)

@@ -1,0 +1,73 @@
+"""Mitsuba's class around a surface, and its registration in every variant."""
+
+from importlib import import_module
+from typing import Any
+
+from torchms.mitsuba.materials import MATERIALS
+from torchms.mitsuba.surface import Surface
+
+_watching = False
+
+
+def register() -> None:
+    """Make `torchms_conductor`, `torchms_dielectric` and `torchms_diffuse` plugins of Mitsuba, for XML files and dictionaries.
+
+    In the variant that is set, and in every one that is set from then on. Raises ImportError without Mitsuba 3.
+    """
+    global _watching
+    try:
+        mi = import_module("mitsuba")
+    except ImportError as error:
+        raise ImportError("torchms.mitsuba needs Mitsuba 3: pip install torchms[mitsuba].") from error
+    if mi.variant() is not None:
+        _register()
+    if not _watching:
+        mi.detail.add_variant_callback(lambda before, now: _register())
+        _watching = True
+
+
+def _register() -> None:
+    mi = import_module("mitsuba")
+    for name in MATERIALS:
+        mi.register_bsdf(name, _plugin(name))
+
+
+def _plugin(name: str) -> type:
+    """The class of a plugin, of the variant's own base class."""
+    mi = import_module("mitsuba")
+
+    class Plugin(mi.BSDF):
+        def __init__(self, props: Any) -> None:
+            mi.BSDF.__init__(self, props)
+            self.surface = Surface(name, props)
+            sides = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide if self.surface.transmits else mi.BSDFFlags.FrontSide
+            self.m_components = [flag | +sides for flag in self.surface.flags]
+            self.m_flags = 0
+            for flag in self.m_components:
+                self.m_flags |= flag
+
+        def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> Any:
+            return self.surface.sample(ctx, si, sample1, sample2, active)
+
+        def value(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.surface.eval_pdf(ctx, si, wo, active, "value")[0]
+
+        eval = value
+
+        def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.surface.eval_pdf(ctx, si, wo, active, "pdf")[1]
+
+        def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+            return self.surface.eval_pdf(ctx, si, wo, active, "value and pdf")
+
+        def traverse(self, callback: Any) -> None:
+            for key, value in self.surface.parameters().items():
+                callback.put(key, value, mi.ParamFlags.Differentiable)
+
+        def parameters_changed(self, keys: Any) -> None:
+            self.surface.changed()
+
+        def to_string(self) -> str:
+            return f"{name}[{', '.join(f'{k} = {v}' for k, v in self.surface.parameters().items())}]"
+
+    return Plugin
