@@ -77,7 +77,7 @@ def sampled(alpha: float) -> Samples:
     d = Vec3(*(torch.where(u[3] < 0.5, a, b) for a, b in zip(some, flat, strict=True)))
     d = Vec3(d.x, d.y, d.z.clamp_min(1e-9))
     density = 0.5 * proposal.density(w, d) + 0.5 * d.z / math.pi
-    metal = MetalLobes(lobes_file("metal").layers, lobes_file("metal").skip)
+    metal = MetalLobes(lobes_file("metal"))
     rest = metal.rest(learned(distribution, "metal"), w, d)
     white = DiffuseBase(True).returned(distribution, torch.ones(1, 1, 1), w, d)[0]
     over = d.z / density

@@ -53,9 +53,11 @@ def fingerprint() -> str:
     """What tells the lobes in the package from others."""
     found = hashlib.sha256()
     for facet in ("metal", "diffuse"):
-        each = lobes_file(facet)
-        for x in (*(x for layer in each.layers for x in layer), each.skip):
-            found.update(x.contiguous().numpy().tobytes())
+        file = lobes_file(facet)
+        networks = [(file.layers, file.skip), *([] if file.each is None else [file.each])]
+        for layers, skip in networks:
+            for x in (*(x for layer in layers for x in layer), skip):
+                found.update(x.contiguous().numpy().tobytes())
     return found.hexdigest()[:16]
 
 
@@ -80,8 +82,7 @@ class Whitened(Scattering):
 
     def __init__(self) -> None:
         super().__init__()
-        each = lobes_file("metal")
-        self.lobes = MetalLobes(each.layers, each.skip)
+        self.lobes = MetalLobes(lobes_file("metal"))
         self.table = layered_table()
         self.single = SingleBounce()
 
