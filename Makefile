@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 DOCS := .venv/.docs
 
-.PHONY: demo demo-fit test test-all node-test lab lab-check lab-picture coverage mutations bench pictures figures tables distil export docs lint clean
+.PHONY: demo demo-fit test test-all node-test lab lab-check lab-picture coverage mutations bench pictures figures tables layered distil export docs lint clean
 
 $(STAMP): constraints.txt setup.cfg pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -45,6 +45,9 @@ figures: $(STAMP)  ## lobes of explicit surfaces against the models (3 materials
 
 tables: $(STAMP)  ## the albedo tables of the compensations, a few minutes
 	$(BIN)/python -m tools.generate_tables
+
+layered: $(STAMP)  ## the table of MetallicRoughness, after make distil: ten seconds
+	$(BIN)/python -m tools.generate_layered
 
 distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the package: about half an hour on two idle cores
 	$(BIN)/python -m torchms.approximations.distil --distribution GGX --blocks 48 --force --out torchms/approximations/distilled_ggx_metal.npz

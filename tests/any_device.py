@@ -10,6 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
+from typing import Any
 from unittest.mock import patch
 
 import torch
@@ -18,7 +19,7 @@ from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
 
-from torchms import BSDF, Stream
+from torchms import BSDF, MetallicRoughness, Stream
 from torchms.parameters.exchange import parameters, weights, with_parameters
 from torchms.shading import alpha, alphas, sample, shade
 
@@ -121,6 +122,20 @@ def check_numbers(surface: BSDF, _: object) -> list[str]:
     return found
 
 
+def metallic_roughness(quick: bool) -> Iterator[tuple[str, BSDF]]:
+    """glTF's material: the plain one, and for a slow run every kind of it."""
+    kinds: list[dict[str, Any]] = [{}]
+    if not quick:
+        kinds += [
+            {"anisotropy": torch.tensor(0.5), "diffuse": "rough"},
+            {"bounces": "one"},
+            {"bounces": "one", "diffuse": "rough"},
+            {"diffuse": "rough"},
+        ]
+    for words in kinds:
+        yield f"metallic-roughness {words}", MetallicRoughness([0.5, 0.4, 0.3], 0.5, 0.5, **words)
+
+
 def check_shading(surface: BSDF) -> list[str]:
     """World space: frames, roughness by name, values and samples."""
     r, a = (torch.rand(ROWS, device=DEVICE, requires_grad=True) for _ in range(2))
@@ -149,6 +164,7 @@ def main(which: str) -> int:
         names: bsdf(*names, alphas_for(*names[:2]), max_order=2, dtype=torch.float32)
         for names in models(which == "quick")
     }
+    layered = list(metallic_roughness(which == "quick"))
     _setup_privateuseone_for_python_backend(DEVICE)
     torch._C._set_only_lift_cpu_tensors(True)
     with FakeTensorMode(allow_non_fake_inputs=True):
@@ -160,6 +176,8 @@ def main(which: str) -> int:
             failures.append("fake tensors of two devices can be added: nothing here means anything")
         failures += check_numbers(shared)
         failures += check_shading(built["conductor[conductor]", "single", "ggx"] if which == "quick" else shared)
+        for name, surface in layered:
+            failures += [f"{name}, {line}" for line in check(surface, CALLS)]
         for names, surface in built.items():
             start = time.process_time()
             methods = CALLS if which == "slow" or names[1] in ("single", *APPROXIMATIONS) else OF_A_SCATTERING

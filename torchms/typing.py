@@ -22,4 +22,9 @@ Orders = Float[Tensor, "*#batch K C"]
 Uniforms = Float[Tensor, "*#batch N D"]
 """N independent paths of D numbers in [0, 1) each."""
 
+# Of each of the N directions that a sample has.
+Scalars = Float[Tensor, "*#batch N"]
+Spectra = Float[Tensor, "*#batch N C"]
+EachOrders = Float[Tensor, "*#batch N K C"]
+
 Pair = Float[Tensor, "*#batch 2"]

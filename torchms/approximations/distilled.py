@@ -17,11 +17,11 @@ from torchms.approximations.glass_lobes import GlassLobes
 from torchms.approximations.metal_features import above
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.metal_sampling import MetalProposal
+from torchms.approximations.metal_walk import metal_walk
 from torchms.distributions.base import EllipticDistribution
 from torchms.estimators.base import Exit, Scattering
 from torchms.estimators.single_bounce import SingleBounce
 from torchms.maths.frame import Vec3
-from torchms.maths.numerics import horizon
 from torchms.parameters.declared import first_bad
 from torchms.paths.diffuse import Diffuse
 from torchms.paths.mirror import Mirror
@@ -169,22 +169,13 @@ class Distilled(Scattering):
             yield from lobes.walk(vertex, wi, u)
             return
         assert isinstance(vertex, Mirror) and isinstance(lobes, MetalLobes)
-        # How often light leaves with the rest is chosen beforehand, close to how often it does: then the weights are right
-        # whatever the choice.
-        proposal = MetalProposal(_elliptic(vertex))
-        again = proposal.rest_share(wi)
-        (first,) = self.single.walk(vertex, wi, u)
-        weight, escapes = first.weight * (first.escapes / (1 - again)), (1 - again).expand_as(first.escapes)
-        yield Exit(first.d, weight, escapes, first.transmitted)
-        d = proposal.sample_rest(wi, u[1 + vertex.n_uniforms :])
-        d = Vec3(d.x, d.y, d.z.clamp_min(horizon(d.z.dtype)))
-        density = proposal.rest_density(above(wi), d)
-        values = lobes.orders(_elliptic(vertex), vertex.fresnel, wi, d)
-        white = lobes.rest(_elliptic(vertex), above(wi), d).lobes
-        total = sum(white[1:], white[0])
-        for value, lobe in zip(values, white, strict=True):
-            escapes = again * (lobe / total)
-            yield Exit(d, value / (density * escapes), escapes, torch.zeros_like(first.transmitted))
+        distribution, proposal = _elliptic(vertex), MetalProposal(_elliptic(vertex))
+
+        def rest(d: Vec3) -> tuple[list[Tensor], list[Tensor]]:
+            white = lobes.rest(distribution, above(wi), d).lobes
+            return lobes.orders(distribution, vertex.fresnel, wi, d), white
+
+        yield from metal_walk(vertex, self.single, proposal, rest, wi, u)
 
     def _key(self, vertex: Vertex) -> str:
         return f"{type(vertex.distribution).__name__} {FACETS.get(type(vertex), '')}"

@@ -6,6 +6,7 @@ and the integrand D_w(m) · a / (a + Λ(o)) has no kink inside.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -58,15 +59,35 @@ def energy_lost(
     kind: type[EllipticDistribution], wi: Tensor, ax: Tensor, ay: Tensor, n_azimuth: int = 64, n_radius: int = 24
 ) -> Tensor:
     """1 − E of one bounce off facets with F = 1; wi (n, 3), ax and ay (n), float64."""
+    return 1 - energy(kind, wi, ax, ay, n_azimuth, n_radius)
+
+
+@torch.no_grad()
+def energy(
+    kind: type[EllipticDistribution],
+    wi: Tensor,
+    ax: Tensor,
+    ay: Tensor,
+    n_azimuth: int = 64,
+    n_radius: int = 24,
+    reflectance: Callable[[Tensor], Tensor] | None = None,
+) -> Tensor:
+    """E of one bounce; wi (n, 3), ax and ay (n), float64. reflectance: of facets, by the cosine; None for F = 1."""
     step = max(1, SLOPES_AT_ONCE // (2 * n_azimuth))
     parts = []
     for rows in torch.arange(len(wi)).split(step):
         distribution = with_alphas(kind, ax[rows], ay[rows])
-        parts.append(1 - _energy(distribution, split(wi[rows]), n_azimuth, n_radius))
+        parts.append(_energy(distribution, split(wi[rows]), n_azimuth, n_radius, reflectance))
     return torch.cat(parts)
 
 
-def _energy(distribution: EllipticDistribution, w: Vec3, n_azimuth: int, n_radius: int) -> Tensor:
+def _energy(
+    distribution: EllipticDistribution,
+    w: Vec3,
+    n_azimuth: int,
+    n_radius: int,
+    reflectance: Callable[[Tensor], Tensor] | None,
+) -> Tensor:
     x, weight = crowded(n_azimuth)
     ax, ay = distribution.alphas
     # Two halves, which meet where the slope is across the direction of incidence: c = 0.
@@ -84,7 +105,10 @@ def _energy(distribution: EllipticDistribution, w: Vec3, n_azimuth: int, n_radiu
         p, q = r * vx, r * vy
         inverse = 1 / torch.sqrt(1 + p * p + q * q)
         d = reflect(w, Vec3(-p * inverse, -q * inverse, inverse))
-        facing = (w.z - p * w.x - q * w.y).clamp_min(0) / area
+        facing = (w.z - p * w.x - q * w.y).clamp_min(0)
+        if reflectance is not None:
+            density = density * reflectance(facing * inverse)
+        facing = facing / area
         escapes = torch.where(d.z > 0, escape_correlated(a, distribution.blocking(d)), 0.0)
         total = total + (radial_weight * edge) * density * facing * escapes
     return (total * weight.repeat(2)[:, None]).sum(0) / 2

@@ -1,15 +1,16 @@
 """The public surface of every BSDF."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from torchms.bsdfs import kernels
+from torchms.bsdfs.results import Albedo, DirectionSample, WalkSample
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.estimators.base import Scattering
+from torchms.estimators.base import Exit, Scattering
 from torchms.evaluation import blocks
 from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values, given_batches
 from torchms.evaluation.kernel import Kernel
@@ -23,33 +24,7 @@ from torchms.paths.vertex import Vertex
 from torchms.sampling import uniforms as uniform_numbers
 from torchms.sampling.proposals import Proposal
 from torchms.sampling.stream import Stream
-from torchms.typing import Direction, Orders, Scalar, Spectrum, Uniforms
-
-
-class DirectionSample(NamedTuple):
-    """wo (*batch N 3), drawn with density `pdf` (*batch N) [1/sr], which is exact."""
-
-    wo: Tensor
-    pdf: Tensor
-
-
-class WalkSample(NamedTuple):
-    """Where a walk left: wo (*batch N 3), weight (*batch N C) and order (*batch N).
-
-    The density of wo is unknown, and is not needed: E[weight · g(wo)] = ∫ f |cos θ_o| g dwo. A walk that had not left
-    after `max_order` bounces has order 0 and weight 0.
-    """
-
-    wo: Tensor
-    weight: Tensor
-    order: Tensor
-
-
-class Albedo(NamedTuple):
-    """Energy that leaves on the side of wi and on the other side, each (*batch K C), per unit of incident energy."""
-
-    reflected: Tensor
-    transmitted: Tensor
+from torchms.typing import Direction, EachOrders, Orders, Scalar, Scalars, Spectra, Spectrum, Uniforms
 
 
 class BSDF(Parametric, ABC):
@@ -103,6 +78,23 @@ class BSDF(Parametric, ABC):
         """What a value is multiplied by for the quantity that is transported; None for no factor."""
         return None
 
+    # What the kernels see of a surface: one scattering, unless a subclass adds to it.
+
+    def _evaluate(self, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
+        """f · |cos θ_o| of each order [1/sr], each (C, N or 1, …)."""
+        return self.scattering.evaluate(self.vertex, wi, wo, u)
+
+    def _walk(self, wi: Vec3, u: Sequence[Tensor]) -> Iterator[Exit]:
+        """The walk from `wi`, order after order."""
+        return self.scattering.walk(self.vertex, wi, u)
+
+    knows_energies = False
+    """Whether `albedo` needs no random numbers."""
+
+    def _energies(self, wi: Vec3) -> list[Tensor]:
+        """What is reflected of each order, each (C, 1, …), if the surface `knows_energies`."""
+        raise NotImplementedError
+
     @property
     def max_order(self) -> int:
         """K, the bounces that are counted."""
@@ -151,23 +143,35 @@ class BSDF(Parametric, ABC):
         )
 
     def forward(
-        self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None
-    ) -> Spectrum:
+        self,
+        wi: Direction,
+        wo: Direction | DirectionSample,
+        u: Uniforms | Stream | None = None,
+        *,
+        block: int | None = None,
+    ) -> Spectrum | Spectra:
         """f(wi, wo) · |cos θ_o| [1/sr], summed over the orders, mean over the N paths of `u`.
 
+        `wo`, here and below, may be what `sample(wi, …)` returned: then there is one value for each of its directions,
+        (*batch, N, C), and `value / drawn.pdf[..., None]` estimates the integral over all of them.
         `u` may be left out where the scattering is deterministic. Rows on a side that the surface does not serve are 0.
         `block`, here and below: rows × paths that are evaluated at a time, `torchms.evaluation.blocks.BLOCK` if it is left out;
         results depend on it in their last bits at most. Compiled code has a block of its own, and takes none.
         float16 and bfloat16 arguments are widened to float32, also under `torch.autocast`. Raises ValueError if a shape
         or a device does not fit, or `block` is not above 0 or given to compiled code, TypeError for a dtype that does not.
         """
-        return self._run(kernels.FORWARD, {"wi": wi, "wo": wo}, u, block)[0]
+        return self._run_pair(kernels.FORWARD, wi, wo, u, block)
 
     def orders(
-        self, wi: Direction, wo: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None
-    ) -> Orders:
+        self,
+        wi: Direction,
+        wo: Direction | DirectionSample,
+        u: Uniforms | Stream | None = None,
+        *,
+        block: int | None = None,
+    ) -> Orders | EachOrders:
         """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
-        return self._run(kernels.ORDERS, {"wi": wi, "wo": wo}, u, block)[0]
+        return self._run_pair(kernels.ORDERS, wi, wo, u, block)
 
     def sample(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> DirectionSample:
         """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
@@ -176,9 +180,9 @@ class BSDF(Parametric, ABC):
         """
         return DirectionSample(*self._run(kernels.SAMPLE, {"wi": wi}, u, block))
 
-    def pdf(self, wi: Direction, wo: Direction, *, block: int | None = None) -> Scalar:
+    def pdf(self, wi: Direction, wo: Direction | DirectionSample, *, block: int | None = None) -> Scalar | Scalars:
         """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
-        return self._run(kernels.PDF, {"wi": wi, "wo": wo}, None, block)[0]
+        return self._run_pair(kernels.PDF, wi, wo, None, block)
 
     def sample_walk(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> WalkSample:
         """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
@@ -188,12 +192,21 @@ class BSDF(Parametric, ABC):
         wo, weight, order = self._run(kernels.WALK, {"wi": wi}, u, block)
         return WalkSample(wo, weight, order.to(torch.int64))
 
-    def albedo(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> Albedo:
+    def albedo(self, wi: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None) -> Albedo:
         """Share of the energy from `wi` that leaves after each order, on either side; mean over the N paths.
 
-        No η² factor, whatever the mode.
+        No η² factor, whatever the mode. `u` may be left out where the surface `knows_energies`.
         """
         return Albedo(*self._run(kernels.ALBEDO, {"wi": wi}, u, block))
+
+    def _run_pair(
+        self, kernel: Kernel, wi: Tensor, wo: Tensor | DirectionSample, u: Tensor | Stream | None, block: int | None
+    ) -> Tensor:
+        """`kernel` of two directions; the N of a sample lead while it runs, so that maps and `wi` line up behind them."""
+        if not isinstance(wo, DirectionSample):
+            return self._run(kernel, {"wi": wi, "wo": wo}, u, block)[0]
+        (value,) = self._run(kernel, {"wi": wi, "wo": wo.wo.movedim(-2, 0)}, u, block)
+        return value.movedim(0, wo.pdf.ndim - 1)
 
     def _run(
         self, kernel: Kernel, directions: dict[str, Tensor], u: Tensor | Stream | None, block: int | None

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _values(bsdf: "BSDF", wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
-    values = [value.mean(1) for value in bsdf.scattering.evaluate(bsdf.vertex, wi, wo, u)]
+    values = [value.mean(1) for value in bsdf._evaluate(wi, wo, u)]
     unit = bsdf._unit_of(wi, wo)
     return values if unit is None else [value * unit for value in values]
 
@@ -44,7 +44,7 @@ def _walk(bsdf: "BSDF", wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
     x, y, z = torch.zeros_like(left), torch.zeros_like(left), torch.ones_like(left)
     order = torch.zeros_like(left)
     weight: Tensor | None = None
-    for k, leaving in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u), start=1):
+    for k, leaving in enumerate(bsdf._walk(wi, u), start=1):
         after = left + leaving.escapes
         now = (u[0] >= left) & (u[0] < after)
         left = after
@@ -60,8 +60,11 @@ def _walk(bsdf: "BSDF", wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
 
 
 def _albedo(bsdf: "BSDF", wi: Vec3, u: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    if bsdf.knows_energies:
+        found = torch.stack(torch.broadcast_tensors(*bsdf._energies(wi))).mean(2)
+        return found, torch.zeros_like(found)
     reflected, transmitted = [], []
-    for leaving in bsdf.scattering.walk(bsdf.vertex, wi, u):
+    for leaving in bsdf._walk(wi, u):
         energy = leaving.weight * leaving.escapes
         reflected.append(torch.where(leaving.transmitted, 0.0, energy).mean(1))
         transmitted.append(torch.where(leaving.transmitted, energy, 0.0).mean(1))
@@ -78,4 +81,4 @@ ORDERS = Kernel("orders", _orders, draws=_is_estimate)
 SAMPLE = Kernel("sample", _sample, per_path=True)
 PDF = Kernel("pdf", _pdf, draws=lambda bsdf: False)
 WALK = Kernel("sample_walk", _walk, per_path=True)
-ALBEDO = Kernel("albedo", _albedo)
+ALBEDO = Kernel("albedo", _albedo, draws=lambda bsdf: not bsdf.knows_energies)

@@ -100,7 +100,7 @@ def _walk_block(
     left: Tensor | None = None
     weight: Tensor | None = None
     planes = [] if bins is None else [_Plane(bins) for _ in range(lobe_orders + 1)]
-    for k, leaving in enumerate(bsdf.scattering.walk(bsdf.vertex, wi, u)):
+    for k, leaving in enumerate(bsdf._walk(wi, u)):
         energy = (leaving.weight * leaving.escapes).to(torch.float64).reshape(-1, size)
         weight = leaving.weight
         total = energy if total is None else total + energy

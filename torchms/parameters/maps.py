@@ -1,6 +1,7 @@
 """Maps of parameters beside directions: shapes that broadcast to what nobody means."""
 
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -45,3 +46,35 @@ def fitted(module: M, *batches: torch.Size) -> M:
                 )
             maps[name] = value.squeeze(-1)
     return with_parameters(module, maps)
+
+
+def agreeing(name: str, coloured: Any, maps: Mapping[str, Any]) -> dict[str, Any]:
+    """`maps` of numbers without channels beside the map `coloured` (*batch, C), called `name`; what is no tensor stays.
+
+    A map (*batch, 1) is (*batch). Raises ValueError for a gray map (H, W) in place of (H, W, 1), and for maps that do not
+    broadcast, or would give every value with every other.
+    """
+    batch = coloured.shape[:-1] if isinstance(coloured, Tensor) else torch.Size()
+    found = dict(maps)
+    for key, x in maps.items():
+        if not isinstance(x, Tensor) or x.numel() == 1 or batch.numel() == 1:
+            continue
+        shapes = f"{name} of shape {tuple(coloured.shape)} beside {key} of shape {tuple(x.shape)}"
+        if x.shape == coloured.shape:
+            raise ValueError(
+                f"{shapes}: the last axis of {name} is that of the channels, and {key} has none. Give a gray map as "
+                f"{name}[..., None]; take one channel of {key}, {key}[..., 0]."
+            )
+        if x.shape == (*batch, 1):
+            found[key] = x.squeeze(-1)
+            continue
+        try:
+            whole = torch.broadcast_shapes(batch, x.shape)
+        except RuntimeError:
+            whole = None
+        if whole is None or whole.numel() > max(batch.numel(), x.numel()):
+            raise ValueError(
+                f"{shapes}: the batches {tuple(batch)} and {tuple(x.shape)} are not those of one map. Give (H, W, C) beside "
+                "(H, W) or (H, W, 1), or one number."
+            )
+    return found

@@ -1,0 +1,44 @@
+"""The examples run, on a small scale."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def run(name: str, *options: str) -> str:
+    """What `examples/name.py` prints."""
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_gbuffer_fit(tmp_path):
+    """All bounces come nearer to the maps than one does."""
+    out = tmp_path / "fit.png"
+    lines = run("gbuffer_fit", "--size", "12", "--steps", "120", "--out", str(out)).splitlines()
+    errors = {line.split()[0]: [float(x) for x in line.split()[2:6]] for line in lines if " bounces " in line}
+    assert out.stat().st_size > 1000
+    assert all(a < b for a, b in zip(errors["all"], errors["one"], strict=True)), lines
+
+
+@pytest.mark.slow
+def test_relight(tmp_path):
+    """One bounce loses light of rough metal."""
+    out = tmp_path / "relit.png"
+    lines = run("relight", "--size", "16", "--samples", "8", "--out", str(out)).splitlines()
+    (rough,) = [line for line in lines if line.startswith("rough metal")]
+    assert -60 < float(rough.split("has ")[1].split()[0]) < -15 and out.stat().st_size > 500
+
+
+@pytest.mark.slow
+def test_learned_material(tmp_path):
+    out = tmp_path / "learned.png"
+    text = run("learned_material", "--size", "16", "--steps", "150", "--batch", "512", "--out", str(out))
+    error = float(text.split("mean relative error ")[1].split()[0])
+    assert error < 25 and out.stat().st_size > 500
