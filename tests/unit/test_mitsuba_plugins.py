@@ -18,6 +18,7 @@ from torchms import (
     Distilled,
     HeightWalk,
     Invariance,
+    MetallicRoughness,
     RoughConductor,
     RoughDielectric,
     RoughDiffuse,
@@ -45,12 +46,20 @@ CHALK = {"type": "torchms_diffuse", "reflectance": rgb(COLOR)}
 ROUND, BENT = {"distribution": "ggx", "alpha": 0.4}, {"distribution": "beckmann", "alpha_u": 0.5, "alpha_v": 0.2}
 EXACT: dict[str, Any] = {"scattering": "exact", "max_order": 2, "seed": 7}
 
+GLTF = {"type": "torchms_metallic_roughness", "base_color": rgb(COLOR), "metallic": 0.3, "roughness": 0.6}
+
 CASES: dict[str, tuple[dict[str, Any], Callable[[], BSDF]]] = {
     "metal": (METAL | ROUND, lambda: RoughConductor(GGX(0.4), Conductor(ETA, K), Distilled())),
     "metal-bent": (METAL | BENT, lambda: RoughConductor(Beckmann(0.5, 0.2), Conductor(ETA, K), Distilled())),
     "glass": (GLASS | ROUND, lambda: RoughDielectric(GGX(0.4), Dielectric(1.5), Distilled())),
     "glass-bent": (GLASS | BENT, lambda: RoughDielectric(Beckmann(0.5, 0.2), Dielectric(1.5), Distilled())),
     "chalk": (CHALK | BENT, lambda: RoughDiffuse(Beckmann(0.5, 0.2), COLOR, Distilled())),
+    "gltf": (GLTF, lambda: MetallicRoughness(COLOR, 0.3, 0.6)),
+    "gltf-bent": (
+        GLTF | {"anisotropy": 0.5, "diffuse": "rough"},
+        lambda: MetallicRoughness(COLOR, 0.3, 0.6, anisotropy=0.5, diffuse="rough"),
+    ),
+    "gltf-one": (GLTF | {"bounces": "one"}, lambda: MetallicRoughness(COLOR, 0.3, 0.6, bounces="one")),
     "metal-exact": (
         METAL | ROUND | EXACT,
         lambda: RoughConductor(GGX(0.4), Conductor(ETA, K), Unidirectional(Invariance(), 2)),

@@ -10,12 +10,13 @@ import torch
 
 pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
 
-from test_mitsuba_plugins import CHALK, GLASS, METAL, needs_llvm, variant  # noqa: F401
+from test_mitsuba_plugins import CHALK, GLASS, GLTF, METAL, needs_llvm, variant  # noqa: F401
 
 WHITE = {
     "metal": {"type": "torchms_conductor", "material": "none"},
     "glass": {"type": "torchms_dielectric", "int_ior": 1.5, "ext_ior": 1.0},
     "chalk": {"type": "torchms_diffuse", "reflectance": 1.0},
+    "gltf": {"type": "torchms_metallic_roughness", "base_color": 1.0, "metallic": 0.4},
 }
 
 
@@ -43,6 +44,7 @@ def inside(picture: Any, radius: float) -> torch.Tensor:
 
 FURNACES = [
     *(("metal", a, i) for a in (0.1, 0.3, 0.6) for i in ("path", "direct")),
+    *(("gltf", a, i) for a in (0.1, 0.3, 0.6, 1.0) for i in ("path", "direct")),
     *(("chalk", a, i) for a in (0.3, 0.6) for i in ("path", "direct")),
 ]
 
@@ -55,7 +57,8 @@ FURNACES = [
 def test_white_furnace(variant, material, alpha, integrator):  # noqa: F811
     """A white ball in a white room is not seen."""
     mi = variant("llvm_ad_rgb")
-    bsdf = WHITE[material] | {"distribution": "ggx", "alpha": alpha}
+    rough = {"roughness": math.sqrt(alpha)} if material == "gltf" else {"distribution": "ggx", "alpha": alpha}
+    bsdf = WHITE[material] | rough
     scene = sphere(mi, bsdf, {"type": "constant", "radiance": 1.0}, {"type": integrator}, 64)
     found = inside(mi.render(scene, spp=64, seed=1), 0.99)
     assert abs(float(found.mean()) - 1) < 2e-3
@@ -95,9 +98,13 @@ def test_mitsubas_chi2(variant, material, alpha, theta):  # noqa: F811
     mi = variant("llvm_ad_rgb")
     chi2 = import_module("mitsuba.chi2")
     split = isinstance(alpha, tuple)
-    rough = dict(zip(("alpha_u", "alpha_v"), alpha, strict=True)) if split else {"alpha": alpha}
+    rough: dict[str, Any] = dict(zip(("alpha_u", "alpha_v"), alpha, strict=True)) if split else {"alpha": alpha}
     wi = mi.ScalarVector3f(0.8 * math.sin(theta), 0.6 * math.sin(theta), math.cos(theta))
-    plugin = WHITE[material] | {"distribution": "ggx"} | rough
+    if material == "gltf":
+        rough = {"roughness": math.sqrt(alpha)} if not split else {"roughness": 0.5, "anisotropy": 0.5}
+    else:
+        rough["distribution"] = "ggx"
+    plugin = WHITE[material] | rough
     sample, density = chi2.BSDFAdapter(plugin["type"], plugin, wi=wi)
     # Steep lobes need fine cells: the density is integrated by the trapezoid rule.
     fine = alpha == 0.1 or split or theta == 1.4
@@ -115,6 +122,8 @@ GRADIENTS = {
     "chalk-colour": (CHALK | {"alpha": 0.4}, "reflectance.value"),
     "glass-alpha": (GLASS | {"alpha": 0.4}, "alpha.value"),
     "glass-eta": (GLASS | {"alpha": 0.4}, "eta"),
+    "gltf-colour": (GLTF, "base_color.value"),
+    "gltf-roughness": (GLTF, "roughness.value"),
     "metal-exact": (METAL | {"alpha": 0.4, "scattering": "exact", "max_order": 3}, "alpha.value"),
 }
 
@@ -135,7 +144,7 @@ def test_gradients(variant, case):  # noqa: F811
     """Replayed backwards (`prb`), forwards through `path`, and as a difference: of a weighted mean of a picture."""
     mi, dr, np = variant("llvm_ad_rgb"), import_module("drjit"), import_module("numpy")
     bsdf, key = GRADIENTS[case]
-    bsdf = bsdf | {"distribution": "ggx"}
+    bsdf = bsdf if "gltf" in case else bsdf | {"distribution": "ggx"}
     weights = mi.TensorXf(np.random.default_rng(0).uniform(0, 1, (12, 12, 3)).astype(np.float32))
     spp, step = 8192, 0.02
 

@@ -39,6 +39,11 @@ class LayeredProposal(Proposal):
         *own, choice = u[: self.n_uniforms]
         return select(choice < self.base_share(wi), cosine_hemisphere(u[0], u[1]), self.facets.sample(wi, own))
 
+    def from_three(self, wi: Vec3, u0: Tensor, u1: Tensor, u2: Tensor) -> list[Tensor]:
+        share = self.base_share(wi)
+        again = torch.where(u0 < share, u0 / torch.where(share > 0, share, 1.0), (u0 - share) / (1 - share))
+        return [*self.facets.from_three(wi, again, u1, u2), u0]
+
     def density(self, wi: Vec3, wo: Vec3) -> Tensor:
         share = self.base_share(wi)
         found = (1 - share) * self.facets.density(wi, wo) + share * (wo.z / math.pi)

@@ -1,4 +1,6 @@
-"""torchms inside Mitsuba 3: `register()`, and then `torchms_conductor`, `torchms_dielectric`, `torchms_diffuse` in a scene."""
+"""torchms inside Mitsuba 3: `register()`, and then `torchms_conductor`, `torchms_dielectric`, `torchms_diffuse` and
+`torchms_metallic_roughness` in a scene.
+"""
 
 from torchms.mitsuba.llvm import find_llvm
 from torchms.mitsuba.plugin import register

@@ -8,7 +8,8 @@ from typing import Any
 
 from torchms.approximations import Distilled
 from torchms.approximations.coordinates import ETA
-from torchms.bsdfs import BSDF, RoughConductor, RoughDielectric, RoughDiffuse
+from torchms.bsdfs import BSDF, MetallicRoughness, RoughConductor, RoughDielectric, RoughDiffuse
+from torchms.bsdfs.metallic_roughness import BOUNCES, DIFFUSE
 from torchms.distributions import GGX, Beckmann
 from torchms.estimators import HeightWalk, Scattering, Unidirectional
 from torchms.fresnel import Conductor, Dielectric
@@ -77,6 +78,12 @@ def _diffuse(c: Choice) -> BSDF:
     return RoughDiffuse(c.facets(), [0.5] * c.n_channels, c.sum_of_bounces(_walk))
 
 
+def _metallic_roughness(c: Choice) -> BSDF:
+    diffuse, bounces = c.words
+    bent = 0.0 if c.isotropic else EXAMPLE
+    return MetallicRoughness([0.5] * c.n_channels, EXAMPLE, EXAMPLE, anisotropy=bent, diffuse=diffuse, bounces=bounces)
+
+
 def _metal(props: Any) -> dict[str, Any]:
     if "eta" not in props and "k" not in props:
         return {name: borrowed("roughconductor", props, ("material",), name) for name in ("eta", "k")}
@@ -99,6 +106,13 @@ def _chalk(props: Any) -> dict[str, Any]:
     return {"reflectance": props.get_texture("reflectance", 0.5)}
 
 
+def _gltf(props: Any) -> dict[str, Any]:
+    defaults = {"base_color": 0.5, "metallic": 0.0, "roughness": 0.5, "eta": 1.5}
+    found = {name: props.get_unbounded_texture(name, default) for name, default in defaults.items()}
+    return found | ({"anisotropy": props.get_texture("anisotropy")} if "anisotropy" in props else {})
+
+
+SHARE = (0.0, 1.0)
 MATERIALS = {
     "torchms_conductor": Material(
         _conductor,
@@ -116,6 +130,15 @@ MATERIALS = {
         {"eta": (1 / ETA, ETA)},
     ),
     "torchms_diffuse": Material(_diffuse, _chalk, {"reflectance": "reflectance"}, (), ("DiffuseReflection",)),
+    "torchms_metallic_roughness": Material(
+        _metallic_roughness,
+        _gltf,
+        {name: name for name in ("base_color", "metallic", "roughness", "anisotropy")} | {"ior": "eta"},
+        (),
+        ("GlossyReflection",),
+        {name: SHARE for name in ("base_color", "metallic", "roughness", "anisotropy")} | {"eta": (1.0, 3.0)},
+        {"diffuse": DIFFUSE, "bounces": BOUNCES},
+    ),
 }
 ALPHAS = {"distribution.alpha": "alpha_u", "distribution.alpha_y": "alpha_v"}
 

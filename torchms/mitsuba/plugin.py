@@ -10,9 +10,10 @@ _watching = False
 
 
 def register() -> None:
-    """Make `torchms_conductor`, `torchms_dielectric` and `torchms_diffuse` plugins of Mitsuba, for XML files and dictionaries.
+    """Make `torchms_conductor`, `torchms_dielectric`, `torchms_diffuse` and `torchms_metallic_roughness` plugins of Mitsuba.
 
-    In the variant that is set, and in every one that is set from then on. Raises ImportError without Mitsuba 3.
+    They serve in XML files and dictionaries, in the variant that is set, and in every one that is set from then on. Raises
+    ImportError without Mitsuba 3.
     """
     global _watching
     try:
