@@ -128,9 +128,7 @@ def main() -> None:
     for bounces in ("all", "one"):
         maps = fit(mi, targets, views, bounces, options)
         color, rough = (np.abs(a - b)[rows].mean() for a, b in zip(maps, truth, strict=True))
-        print(
-            f"{bounces} bounce{'s' * (bounces == 'all')}: mean error of the base colour {color:.3f}, of roughness {rough:.3f}"
-        )
+        print(f"bounces: {bounces}; mean error of the base colour {color:.3f}, of roughness {rough:.3f}")
         columns.append(maps)
     strips = [np.concatenate([c, np.repeat(r, 3, -1)], 0).repeat(4, 0).repeat(4, 1) for c, r in columns]
     write_picture(options.out, torch.from_numpy(np.concatenate(strips, 1)), force=True)
