@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from torchms.mitsuba import find_llvm
+
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
@@ -42,3 +44,15 @@ def test_learned_material(tmp_path):
     text = run("learned_material", "--size", "16", "--steps", "150", "--batch", "512", "--out", str(out))
     error = float(text.split("mean relative error ")[1].split()[0])
     assert error < 25 and out.stat().st_size > 500
+
+
+@pytest.mark.slow
+def test_mitsuba_inverse(tmp_path):
+    """The fit runs and writes its maps; how near it comes is a question of steps that a test has no time for."""
+    pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
+    if find_llvm() is None:
+        pytest.skip("needs an LLVM of version 17 or later (Debian: libllvm19)")
+    out, small = tmp_path / "maps.png", ("--size", "24", "--texels", "8", "--views", "2", "--spp", "8", "--steps", "20")
+    lines = run("mitsuba_inverse", *small, "--out", str(out)).splitlines()
+    errors = [float(x) for line in lines for x in line.replace(",", "").split() if x.startswith("0.")]
+    assert len(errors) == 4 and all(error < 0.3 for error in errors) and out.stat().st_size > 200
