@@ -6,7 +6,7 @@ from importlib import import_module
 
 import tyro
 
-from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, RenderOptions, SimulateOptions
+from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, LutOptions, RenderOptions, SimulateOptions
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
@@ -15,11 +15,12 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "figures": (FiguresOptions, "torchms.cli.figures:run_figures"),
     "render": (RenderOptions, "torchms.cli.render:run_render"),
     "export": (ExportOptions, "torchms.cli.export:run_export"),
+    "lut": (LutOptions, "torchms.cli.lut:run_lut"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""
 
 
-DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures and ONNX files.
+DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures, tables and ONNX files.
 
 Example: torchms energy --material conductor --metal Au --alpha 0.5
 

@@ -202,3 +202,20 @@ class ExportOptions(SurfaceOptions):
     """Also write the comparison to this file."""
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Overwrite files."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LutOptions:
+    """Write the table in which renderers look up what a rough metal returns of the light from everywhere.
+
+    Example: torchms lut --out bsdf_256_256.bin
+    """
+
+    out: Path
+    """The file to write: float32, row after row of roughness."""
+    bounces: Literal["one", "all"] = "one"
+    """one: scale and bias of F0, the layout of nvdiffrec's bsdf_256_256.bin. all: two planes of four, energies by order."""
+    size: int = 256
+    """Rows and columns."""
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Overwrite the file."""
