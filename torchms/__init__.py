@@ -11,6 +11,7 @@ from torchms.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from torchms import approximations as approximations
+    from torchms import dropins as dropins
     from torchms import fresnel as fresnel
     from torchms import lobes as lobes
     from torchms import measured as measured
@@ -44,7 +45,18 @@ _HOME = {
     "constrain": "parameters.constrain",
     "set_validation": "evaluation.arguments",
 }
-_MODULES = ("approximations", "fresnel", "lobes", "measured", "microsurface", "onnx", "render", "shading", "testing")
+_MODULES = (
+    "approximations",
+    "dropins",
+    "fresnel",
+    "lobes",
+    "measured",
+    "microsurface",
+    "onnx",
+    "render",
+    "shading",
+    "testing",
+)
 
 
 def _offered(part: str) -> dict[str, Any]:

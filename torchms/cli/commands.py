@@ -6,7 +6,15 @@ from importlib import import_module
 
 import tyro
 
-from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, LutOptions, RenderOptions, SimulateOptions
+from torchms.cli.options import (
+    EnergyOptions,
+    ExportOptions,
+    FiguresOptions,
+    FitMeasuredOptions,
+    LutOptions,
+    RenderOptions,
+    SimulateOptions,
+)
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
@@ -16,6 +24,7 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "render": (RenderOptions, "torchms.cli.render:run_render"),
     "export": (ExportOptions, "torchms.cli.export:run_export"),
     "lut": (LutOptions, "torchms.cli.lut:run_lut"),
+    "fit-measured": (FitMeasuredOptions, "torchms.cli.fit_measured:run_fit_measured"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""
 

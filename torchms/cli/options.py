@@ -219,3 +219,26 @@ class LutOptions:
     """Rows and columns."""
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Overwrite the file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitMeasuredOptions:
+    """Fit a metal-roughness material to a measured surface, with all bounces and with one.
+
+    Example: torchms fit-measured paper_white_rgb.bsdf --out paper.png
+    """
+
+    file: tyro.conf.Positional[Path]
+    """An isotropic _rgb.bsdf of rgl.epfl.ch/materials."""
+    diffuse: Literal["rough", "lambert"] = "rough"
+    """The base below the facets."""
+    metallic: float | None = None
+    """A number that metallic is held at; it is fitted if it is not given."""
+    ior: float | None = None
+    """A number that the index of the dielectric is held at."""
+    out: Path | None = None
+    """Picture (.png): spheres and lobes, measured and fitted."""
+    json: Path | None = None
+    """Also write the numbers to this file."""
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Overwrite the files."""
