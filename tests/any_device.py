@@ -159,7 +159,7 @@ def check_shading(surface: BSDF) -> list[str]:
 
 
 def check_dropins() -> list[str]:
-    """What takes the place of other projects' functions, with all bounces and with one."""
+    """What takes the place of other projects' functions, with all bounces and with one; its tables move by themselves."""
     found = []
     for bounces in ("all", 1):
         given = [torch.rand(ROWS, 3, device=DEVICE, requires_grad=True) for _ in range(6)]

@@ -1,5 +1,6 @@
 """What the drop-ins look at before they compute."""
 
+import torch
 from torch import Size, Tensor
 
 from torchms.maths.frame import kind_of
@@ -26,3 +27,10 @@ def check_map(owner: str, name: str, value: object, batch: Size, channels: int |
             f"{owner}({name}=...) must be (*batch, {last}) with the batch {tuple(batch)} of the points; got "
             f"{tuple(value.shape)}.{remedy}"
         )
+
+
+def as_map(value: Tensor | float, like: Tensor) -> Tensor:
+    """`value` with an axis at least, in the dtype and on the device of `like` if it is a number."""
+    if not isinstance(value, Tensor):
+        return torch.full((1,), float(value), dtype=like.dtype, device=like.device)
+    return value.unsqueeze(-1) if value.ndim == 0 else value

@@ -3,15 +3,15 @@
 import torch
 from torch import Tensor
 
-from torchms.bsdfs.compile import compile as compiled_code
 from torchms.bsdfs.metallic_roughness import MetallicRoughness
 from torchms.dropins import formulas
 from torchms.dropins.arguments import counts_all
 from torchms.dropins.cosines import cosines
+from torchms.dropins.ready import like_maps, ready
 from torchms.maths.frame import check_direction
 from torchms.shading.world import shade
 
-DIELECTRIC_F0 = 0.04
+DIELECTRIC_F0, IOR = 0.04, 1.5
 
 
 def pbr_bsdf(
@@ -52,9 +52,8 @@ def pbr_bsdf(
     view, light = view_pos - pos, light_pos - pos
     taken, roughness, metallic = arm.unbind(-1)
     if every:
-        material = MetallicRoughness(kd, metallic, roughness.clamp(min_roughness, 1.0))
-        if compiled:
-            material = compiled_code(material, verbose=False)
+        material = MetallicRoughness(kd, metallic, roughness.clamp(min_roughness, 1.0), ior=like_maps(IOR, kd))
+        material = ready(material, kd.device, compiled)
         return shade(material, nrm, view, light, normalize=True)
     at = cosines(nrm, view, light)
     share = metallic.unsqueeze(-1)

@@ -5,17 +5,17 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from torchms.bsdfs.compile import compile as compiled_code
 from torchms.bsdfs.metallic_roughness import MetallicRoughness
 from torchms.dropins import formulas
 from torchms.dropins.arguments import counts_all
 from torchms.dropins.cosines import cosines
+from torchms.dropins.ready import like_maps, ready
 from torchms.maths.numerics import safe_sqrt
 from torchms.render.images import srgb
 from torchms.shading.world import shade
 
 LIGHTS = ("directional", "point")
-DIELECTRIC_F0 = 0.04
+DIELECTRIC_F0, IOR = 0.04, 1.5
 ADDEND = 1e-7
 """Added to distances."""
 
@@ -76,7 +76,8 @@ class CookTorranceBRDF(nn.Module):
         given = given.to(base)
         if self.light_type == "directional":
             return given, torch.ones_like(given[:1])
-        x, y = (torch.linspace(-size / 2, size / 2, n).to(base) for n in reversed(base.shape[:2]))
+        where = {"dtype": base.dtype, "device": base.device}
+        x, y = (torch.linspace(-size / 2, size / 2, n, **where) for n in reversed(base.shape[:2]))
         point = torch.stack(torch.broadcast_tensors(x, -y[:, None], base.new_zeros(())), -1)
         way = given - point
         distance = way.norm(dim=-1, keepdim=True)
@@ -96,9 +97,8 @@ class CookTorranceBRDF(nn.Module):
                     "Convert it, material.to_basecolor_metallic_material(), or take bounces=1."
                 )
             # Theirs is α, that of glTF its root.
-            surface = MetallicRoughness(base, metallic, safe_sqrt(alpha))
-            if self.compiled:
-                surface = compiled_code(surface, verbose=False)
+            surface = MetallicRoughness(base, metallic, safe_sqrt(alpha), ior=like_maps(IOR, base))
+            surface = ready(surface, base.device, self.compiled)
             return shade(surface, normal, view, light, normalize=True)
         if metallic is not None:
             f0 = torch.lerp(torch.full_like(base, DIELECTRIC_F0), base, metallic.unsqueeze(-1))

@@ -5,11 +5,11 @@ from torch import Tensor
 
 from torchms.approximations.layered import Whitened
 from torchms.bsdfs import RoughConductor
-from torchms.bsdfs.compile import compile as compiled_code
 from torchms.distributions import GGX
 from torchms.dropins import formulas
-from torchms.dropins.arguments import check_map, counts_all
+from torchms.dropins.arguments import as_map, check_map, counts_all
 from torchms.dropins.cosines import cosines
+from torchms.dropins.ready import ready
 from torchms.fresnel import Schlick
 from torchms.maths.frame import check_direction
 from torchms.shading.roughness import alpha
@@ -50,14 +50,11 @@ def GGX_specular(
             )
     check_map("GGX_specular", "roughness", roughness, batch, 1)
     check_map("GGX_specular", "fresnel", fresnel, batch, None)
-    r, f0 = (
-        x.unsqueeze(-1) if x.ndim == 0 else x for x in (torch.as_tensor(x).to(pts2l) for x in (roughness, fresnel))
-    )
+    r, f0 = (as_map(x, pts2l) for x in (roughness, fresnel))
     normal, view, f0 = normal.unsqueeze(-2), pts2c.unsqueeze(-2), f0.unsqueeze(-2)
     if not every:
         at = cosines(normal, view, pts2l, two_sided=True)
         return torch.where(at.there.unsqueeze(-1), formulas.schlick_masking(at, r, f0), 0.0)
     metal = RoughConductor(GGX(alpha(r, least=LEAST_ALPHA)), Schlick(f0), Whitened())
-    if compiled:
-        metal = compiled_code(metal, verbose=False)
+    metal = ready(metal, pts2l.device, compiled)
     return shade(metal, normal, view, pts2l, two_sided=True, cosine=False, normalize=True)
