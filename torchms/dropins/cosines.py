@@ -23,7 +23,8 @@ class Cosines(NamedTuple):
 
     def clamped(self, low: float, high: float = 1.0) -> "Cosines":
         """All of them in [low, high]; without a gradient where they were not."""
-        return Cosines(*(cosine.clamp(low, high) for cosine in self[:4]), self.there)
+        light, view, half, met = (cosine.clamp(low, high) for cosine in self[:4])
+        return Cosines(light, view, half, met, self.there)
 
 
 def cosines(normal: Tensor, view: Tensor, light: Tensor, two_sided: bool = False) -> Cosines:

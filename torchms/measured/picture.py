@@ -47,7 +47,8 @@ def picture(brdf: MeasuredBRDF, comparisons: Sequence[Comparison], size: int = 2
     lobes: dict[str, Lobe] = {"measured": brdf.double()}
     lobes |= {f"{c.bounces} bounce{'s' * (c.bounces == 'all')}": c.surface for c in comparisons}
     figure = Figure(figsize=(13, 4.6), dpi=100, layout="constrained")
-    top, below = figure.subfigures(2, 1, height_ratios=(1, 1.15))
+    parts: Any = figure.subfigures(2, 1, height_ratios=(1, 1.15))
+    top, below = parts
     images = {name: sphere(lobe, size) for name, lobe in lobes.items()}
     exposure = 0.9 / float(images["measured"].nan_to_num(0).amax(-1).reshape(-1).quantile(0.97))
     axes = top.subplots(1, 2 * len(lobes) - 1)
