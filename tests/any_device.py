@@ -10,6 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
 
@@ -20,6 +21,8 @@ from torch._subclasses.fake_tensor import FakeTensorMode
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
 
 from torchms import BSDF, MetallicRoughness, Stream
+from torchms.dropins import GGX_specular, pbr_bsdf
+from torchms.dropins.pypbr import CookTorranceBRDF
 from torchms.parameters.exchange import parameters, weights, with_parameters
 from torchms.shading import alpha, alphas, sample, shade
 
@@ -155,6 +158,30 @@ def check_shading(surface: BSDF) -> list[str]:
     return [f"shading: a result on {v.device}" for v in (*values, *gradients) if v.device.type != DEVICE]
 
 
+def check_dropins() -> list[str]:
+    """What takes the place of other projects' functions, with all bounces and with one; its tables move by themselves."""
+    found = []
+    for bounces in ("all", 1):
+        given = [torch.rand(ROWS, 3, device=DEVICE, requires_grad=True) for _ in range(6)]
+        light = torch.rand(ROWS, PATHS, 3, device=DEVICE, requires_grad=True)
+        r = torch.rand(ROWS, 1, device=DEVICE, requires_grad=True)
+        maps = {"linear_albedo": 3, "roughness": 1, "metallic": 1, "normal": 3}
+        material = SimpleNamespace(**{name: torch.rand(c, 2, ROWS, device=DEVICE) for name, c in maps.items()})
+        material.device = torch.device(DEVICE)
+        values = [
+            GGX_specular(given[0], given[1], light, r, given[2], bounces=bounces),
+            GGX_specular(given[0], given[1], light, 0.5, 0.04, bounces=bounces),
+            pbr_bsdf(*given, bounces=bounces),
+            *(
+                CookTorranceBRDF(kind, bounces=bounces)(material, *(x[0] for x in given[:3]))
+                for kind in ("point", "directional")
+            ),
+        ]
+        gradients = torch.autograd.grad(sum(v.sum() for v in values), [*given, light, r])
+        found += [f"drop-ins: a result on {v.device}" for v in (*values, *gradients) if v.device.type != DEVICE]
+    return found
+
+
 def main(which: str) -> int:
     failures = []
     shared = bsdf("conductor[conductor]", "invariance", max_order=2, dtype=torch.float32)
@@ -178,6 +205,7 @@ def main(which: str) -> int:
         failures += check_shading(built["conductor[conductor]", "single", "ggx"] if which == "quick" else shared)
         for name, surface in layered:
             failures += [f"{name}, {line}" for line in check(surface, CALLS)]
+        failures += check_dropins()
         for names, surface in built.items():
             start = time.process_time()
             methods = CALLS if which == "slow" or names[1] in ("single", *APPROXIMATIONS) else OF_A_SCATTERING

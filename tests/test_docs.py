@@ -8,7 +8,18 @@ from pathlib import Path
 import pytest
 
 PAGE = (Path(__file__).parent.parent / "docs" / "api.md").read_text()
-PARTS = ("approximations", "fresnel", "lobes", "measured", "microsurface", "mitsuba", "onnx", "render", "shading")
+PARTS = (
+    "approximations",
+    "dropins",
+    "fresnel",
+    "lobes",
+    "measured",
+    "microsurface",
+    "mitsuba",
+    "onnx",
+    "render",
+    "shading",
+)
 PACKAGES = ("torchms", *(f"torchms.{part}" for part in PARTS))
 NAMED = set(re.findall(r"\.\. auto\w+:: ([\w.]+)", PAGE))
 

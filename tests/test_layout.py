@@ -38,7 +38,7 @@ LAYERS = (
     ("bsdfs",),
     # What is done with a surface.
     ("parameters.constrain", "citations"),
-    ("lobes", "testing", "render", "shading", "measured", "approximations.distil"),
+    ("lobes", "testing", "render", "shading", "measured", "dropins", "approximations.distil"),
     ("microsurface", "onnx", "mitsuba"),
     # The command line.
     ("cli", "__main__"),

@@ -11,6 +11,7 @@ from torchms.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from torchms import approximations as approximations
+    from torchms import dropins as dropins
     from torchms import fresnel as fresnel
     from torchms import lobes as lobes
     from torchms import measured as measured
@@ -47,6 +48,7 @@ _HOME = {
 }
 _MODULES = (
     "approximations",
+    "dropins",
     "fresnel",
     "lobes",
     "measured",

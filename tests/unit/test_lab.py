@@ -9,7 +9,7 @@ import pytest
 
 from torchms.cli import lab, main
 from torchms.cli.lab import server
-from torchms.cli.options import LabOptions
+from torchms.cli.plain_options import LabOptions
 
 
 @pytest.fixture

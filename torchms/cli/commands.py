@@ -10,10 +10,10 @@ from torchms.cli.options import (
     EnergyOptions,
     ExportOptions,
     FiguresOptions,
-    LabOptions,
     RenderOptions,
     SimulateOptions,
 )
+from torchms.cli.plain_options import FitMeasuredOptions, LabOptions, LutOptions
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
@@ -23,11 +23,13 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "render": (RenderOptions, "torchms.cli.render:run_render"),
     "export": (ExportOptions, "torchms.cli.export:run_export"),
     "lab": (LabOptions, "torchms.cli.lab:run_lab"),
+    "lut": (LutOptions, "torchms.cli.lut:run_lut"),
+    "fit-measured": (FitMeasuredOptions, "torchms.cli.fit_measured:run_fit_measured"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""
 
 
-DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures, ONNX files and a page that shows them.
+DESCRIPTION = """Multiple-bounce microfacet BSDFs: energies, simulations, pictures, tables, ONNX files, a page.
 
 Example: torchms energy --material conductor --metal Au --alpha 0.5
 

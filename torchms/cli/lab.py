@@ -6,7 +6,7 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
-from torchms.cli.options import LabOptions
+from torchms.cli.plain_options import LabOptions
 
 BUILT = Path(__file__).parents[2] / "build" / "lab"
 """Where `make lab` puts it in a checkout."""

@@ -202,18 +202,3 @@ class ExportOptions(SurfaceOptions):
     """Also write the comparison to this file."""
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Overwrite files."""
-
-
-@dataclass(frozen=True)
-class LabOptions:
-    """Show the lobe lab, a page with every bounce of a surface: serve what `make lab` built, and open a browser on it.
-
-    Example: torchms lab --port 8000
-    """
-
-    folder: Path | None = None
-    """The built page; build/lab of the checkout if it is not given."""
-    port: int = 0
-    """Port on 127.0.0.1; 0 takes any that is free."""
-    browser: bool = True
-    """Open the page in a browser."""

@@ -86,9 +86,7 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
     inputs = training.inputs_of(kind, rows)
     weights = Weights(options.widths, options.each, inputs)
     inputs, floor = weights.standardised(inputs), training.floors(kind, rows, targets[:, 0])
-    where = surfaces(options.alpha, options.cells, generator_for(options.seed + 1))
-    pairs, cosines, lost = energies.pairs(kind, where, options.seed + 2)
-    cells = energies.Cells(weights.standardised(training.inputs_of(kind, pairs)), cosines, lost)
+    cells = balanced(options, weights)
     with progress_bar("training", options.steps) as advance:
         vector = training.trained(
             weights,
@@ -132,6 +130,13 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
     for name, values in errors.items():
         print(f"{name}: {values}")
     print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+def balanced(options: Options, weights: Weights) -> energies.Cells:
+    """The directions of incidence whose energies are balanced."""
+    where = surfaces(options.alpha, options.cells, generator_for(options.seed + 1))
+    pairs, cosines, lost = energies.pairs(options.distribution, where, options.seed + 2)
+    return energies.Cells(weights.standardised(training.inputs_of(options.distribution, pairs)), cosines, lost)
 
 
 def certified(options: Options, told: dict[str, Any], rows: int, errors: dict[str, Any]) -> dict[str, Any]:

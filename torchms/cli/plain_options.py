@@ -1,0 +1,62 @@
+"""Options of the commands that take no description of a surface."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+
+@dataclass(frozen=True)
+class LabOptions:
+    """Show the lobe lab, a page with every bounce of a surface: serve what `make lab` built, and open a browser on it.
+
+    Example: torchms lab --port 8000
+    """
+
+    folder: Path | None = None
+    """The built page; build/lab of the checkout if it is not given."""
+    port: int = 0
+    """Port on 127.0.0.1; 0 takes any that is free."""
+    browser: bool = True
+    """Open the page in a browser."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LutOptions:
+    """Write the table in which renderers look up what a rough metal returns of the light from everywhere.
+
+    Example: torchms lut --out bsdf_256_256.bin
+    """
+
+    out: Path
+    """The file to write: float32, row after row of roughness."""
+    bounces: Literal["one", "all"] = "one"
+    """one: scale and bias of F0, the layout of nvdiffrec's bsdf_256_256.bin. all: two planes of four, energies by order."""
+    size: int = 256
+    """Rows and columns."""
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Overwrite the file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitMeasuredOptions:
+    """Fit a metal-roughness material to a measured surface, with all bounces and with one.
+
+    Example: torchms fit-measured paper_white_rgb.bsdf --out paper.png
+    """
+
+    file: tyro.conf.Positional[Path]
+    """An isotropic _rgb.bsdf of rgl.epfl.ch/materials."""
+    diffuse: Literal["rough", "lambert"] = "rough"
+    """The base below the facets."""
+    metallic: float | None = None
+    """A number that metallic is held at; it is fitted if it is not given."""
+    ior: float | None = None
+    """A number that the index of the dielectric is held at."""
+    out: Path | None = None
+    """Picture (.png): spheres and lobes, measured and fitted."""
+    json: Path | None = None
+    """Also write the numbers to this file."""
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Overwrite the files."""
