@@ -90,3 +90,12 @@ def test_other_files_are_refused(tmp_path: Path, generator: torch.Generator) -> 
     table = Path(files.__file__).parent / "ggx.npz"
     with pytest.raises(ValueError, match=r"ggx\.npz"):
         Distilled(table)
+
+
+def test_objects_share_no_weights() -> None:
+    """What comes with torchms is read once; who trains the one does not change the other."""
+    one, two = Distilled(), Distilled()
+    with torch.no_grad():
+        for x in one.buffers():
+            x.zero_()
+    assert all(float(x.abs().max()) > 0 for name, x in two.named_buffers() if name.endswith("weight_0"))

@@ -29,8 +29,9 @@ class Network(nn.Module):
         self.hidden = layers[-1][0].shape[1]
         joined = [*layers[:-1], (torch.cat([layers[-1][0], skip], 1), layers[-1][1])]
         for k, (weight, offset) in enumerate(joined):
-            self.register_buffer(f"weight_{k}", weight, persistent=False)
-            self.register_buffer(f"offset_{k}", offset, persistent=False)
+            # Copies: what is read from a file once serves many networks, one of which may be trained.
+            self.register_buffer(f"weight_{k}", weight.clone(), persistent=False)
+            self.register_buffer(f"offset_{k}", offset.clone(), persistent=False)
 
     def forward(self, inputs: Sequence[Tensor]) -> list[Tensor]:
         """The outputs, each of the shape that the inputs broadcast to."""
