@@ -47,7 +47,9 @@ class MetalLobes(nn.Module):
     def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Rest:
         """Kernel; both directions above the horizon."""
         level, second, third, *cosines, fall = self.network(features(distribution, wi, wo))
-        level = level + sum(self.each(features_of_one(distribution, w))[0] for w in (wi, wo))
+        both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
+        one, other = self.each(features_of_one(distribution, both))[0]
+        level = level + (one + other)
         g = torch.exp(level.clamp(*EXPONENT))
         a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
         last = g / (1 + a + b)
