@@ -2,7 +2,7 @@
 
 For each surface and angle the derivatives of f cos θ_o by α, η, k and wi at outgoing directions of the sampler: root mean
 square of the error over that of the exact ones, over the lobe. The reference is the mean of the bidirectional estimator's
-gradients, which are unbiased; two halves of it, multiplied, take its noise out of the error. Copper, three channels.
+gradients, which are unbiased; two halves of it, multiplied, take its noise out of the error. Copper's green.
 Writes results/distilled_gradients.json.
 """
 
@@ -29,13 +29,13 @@ def leaves_of(alpha: tuple[float, ...], theta: float, n: int) -> dict[str, Tenso
     """Everything as a map of n pixels, so that each has a gradient of its own."""
     metal = Conductor.metal("Cu")
     found = {"alpha": torch.full((n,), alpha[0]), "alpha_y": torch.full((n,), alpha[-1])}
-    found |= {"eta": metal.eta.expand(n, 3).clone(), "k": metal.k.expand(n, 3).clone()}
+    found |= {"eta": metal.eta[1:2].expand(n, 1).clone(), "k": metal.k[1:2].expand(n, 1).clone()}
     found["wi"] = direction(theta, 0.4).float().expand(n, 3).clone()
     return {name: x.requires_grad_() for name, x in found.items()}
 
 
 def gradients(leaves: dict[str, Tensor], wo: Tensor, scattering: ms.Scattering, u: Stream) -> dict[str, Tensor]:
-    """Of the mean over the channels."""
+    """Of the values, by each leaf."""
     distribution = ms.GGX(leaves["alpha"], leaves["alpha_y"])
     surface = ms.RoughConductor(distribution, Conductor(leaves["eta"], leaves["k"]), scattering)
     wi = torch.nn.functional.normalize(leaves["wi"], dim=-1)
