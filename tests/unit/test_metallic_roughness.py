@@ -199,6 +199,7 @@ def test_gradients_are_finite_at_the_ends():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("messages")  # run-time checks of types read sizes, which are open in a file
 def test_exported(tmp_path, generator):
     """One file: maps in, radiance out, and the numbers of eager code."""
     path = torchms.onnx.export(
