@@ -180,7 +180,7 @@ FAULTS = (
         "machine/simplify.py",
         'if name == ("and" if is_true else "or"):',
         'if name in ("and", "or"):',
-        ("tests/unit/test_engine.py", "-k", "hard_numbers and single"),
+        ("tests/unit/test_simplify.py",),
     ),
     Fault(
         "last block of the evaluator of a file",
