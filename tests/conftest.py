@@ -2,6 +2,8 @@
 
 import zlib
 from collections.abc import Callable, Iterator
+from importlib import import_module
+from typing import Any
 
 import jaxtyping
 import pytest
@@ -90,3 +92,21 @@ def messages() -> Iterator[None]:
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture
+def variant() -> Iterator[Callable[[str], Any]]:
+    """Mitsuba in a variant, with the plugins."""
+    from torchms.mitsuba import register
+
+    mi = import_module("mitsuba")
+    before = mi.variant()
+
+    def set_variant(name: str) -> Any:
+        mi.set_variant(name)
+        register()
+        return mi
+
+    yield set_variant
+    if before is not None:
+        mi.set_variant(before)

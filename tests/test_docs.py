@@ -7,19 +7,10 @@ from pathlib import Path
 
 import pytest
 
+import torchms
+
 PAGE = (Path(__file__).parent.parent / "docs" / "api.md").read_text()
-PARTS = (
-    "approximations",
-    "dropins",
-    "fresnel",
-    "lobes",
-    "measured",
-    "microsurface",
-    "mitsuba",
-    "onnx",
-    "render",
-    "shading",
-)
+PARTS = tuple(name for name in torchms._MODULES if name != "testing")
 PACKAGES = ("torchms", *(f"torchms.{part}" for part in PARTS))
 NAMED = set(re.findall(r"\.\. auto\w+:: ([\w.]+)", PAGE))
 

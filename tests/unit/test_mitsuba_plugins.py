@@ -3,7 +3,7 @@
 Scalar variants need Mitsuba alone; those of Dr.Jit need an LLVM of version 17 or later as well (Debian: libllvm19).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -67,22 +67,6 @@ CASES: dict[str, tuple[dict[str, Any], Callable[[], BSDF]]] = {
     "glass-exact": (GLASS | ROUND | EXACT, lambda: RoughDielectric(GGX(0.4), Dielectric(1.5), HeightWalk(2))),
     "chalk-exact": (CHALK | ROUND | EXACT, lambda: RoughDiffuse(GGX(0.4), COLOR, Unidirectional(Invariance(), 2))),
 }
-
-
-@pytest.fixture
-def variant() -> Iterator[Callable[[str], Any]]:
-    """Mitsuba in a variant, with the plugins."""
-    mi = import_module("mitsuba")
-    before = mi.variant()
-
-    def set_variant(name: str) -> Any:
-        mi.set_variant(name)
-        register()
-        return mi
-
-    yield set_variant
-    if before is not None:
-        mi.set_variant(before)
 
 
 def directions(n: int, both: bool, generator: torch.Generator) -> Tensor:

@@ -10,7 +10,7 @@ import torch
 
 pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
 
-from test_mitsuba_plugins import CHALK, GLASS, GLTF, METAL, needs_llvm, variant  # noqa: F401
+from test_mitsuba_plugins import CHALK, GLASS, GLTF, METAL, needs_llvm
 
 WHITE = {
     "metal": {"type": "torchms_conductor", "material": "none"},
@@ -54,7 +54,7 @@ FURNACES = [
     ("material", "alpha", "integrator"),
     [pytest.param(*case, marks=[] if case == ("metal", 0.3, "path") else pytest.mark.slow) for case in FURNACES],
 )
-def test_white_furnace(variant, material, alpha, integrator):  # noqa: F811
+def test_white_furnace(variant, material, alpha, integrator):
     """A white ball in a white room is not seen."""
     mi = variant("llvm_ad_rgb")
     rough = {"roughness": math.sqrt(alpha)} if material == "gltf" else {"distribution": "ggx", "alpha": alpha}
@@ -67,7 +67,7 @@ def test_white_furnace(variant, material, alpha, integrator):  # noqa: F811
 @needs_llvm
 @pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.1, 0.3])
-def test_glass_ball_keeps_all_light(variant, alpha):  # noqa: F811
+def test_glass_ball_keeps_all_light(variant, alpha):
     """What a ball of glass reflects and transmits is what a white room sends it."""
     mi = variant("llvm_ad_rgb")
     scene = sphere(
@@ -93,7 +93,7 @@ CHI2 = [
     ("material", "alpha", "theta"),
     [pytest.param(*case, marks=[] if case == ("metal", 0.4, 0.9) else pytest.mark.slow) for case in CHI2],
 )
-def test_mitsubas_chi2(variant, material, alpha, theta):  # noqa: F811
+def test_mitsubas_chi2(variant, material, alpha, theta):
     """Samples follow the density, which sums to one, by Mitsuba's own test."""
     mi = variant("llvm_ad_rgb")
     chi2 = import_module("mitsuba.chi2")
@@ -140,7 +140,7 @@ def lamp(mi: Any) -> dict[str, Any]:
 @needs_llvm
 @pytest.mark.slow
 @pytest.mark.parametrize("case", GRADIENTS)
-def test_gradients(variant, case):  # noqa: F811
+def test_gradients(variant, case):
     """Replayed backwards (`prb`), forwards through `path`, and as a difference: of a weighted mean of a picture."""
     mi, dr, np = variant("llvm_ad_rgb"), import_module("drjit"), import_module("numpy")
     bsdf, key = GRADIENTS[case]
@@ -183,7 +183,7 @@ def test_gradients(variant, case):  # noqa: F811
 
 @needs_llvm
 @pytest.mark.slow
-def test_roughness_is_found(variant):  # noqa: F811
+def test_roughness_is_found(variant):
     """Steps of Adam through `prb` find the α of a picture."""
     mi, dr = variant("llvm_ad_rgb"), import_module("drjit")
 

@@ -14,6 +14,21 @@ def soft_sign(x: Tensor) -> Tensor:
     return x / (1 + x.abs())
 
 
+def folded(layers: Sequence[Layer], skip: Tensor, mean: Tensor, spread: Tensor) -> tuple[list[Layer], Tensor]:
+    """Layers and linear part, of inputs with mean 0 and spread 1, for inputs as they are."""
+    layers, skip, mean, spread = (
+        [(w.double(), b.double()) for w, b in layers],
+        skip.double(),
+        mean.double(),
+        spread.double(),
+    )
+    weight, offset = layers[0]
+    layers[0] = weight / spread, offset - weight @ (mean / spread)
+    weight, offset = layers[-1]
+    layers[-1] = weight, offset - skip @ (mean / spread)
+    return [(w.float(), b.float()) for w, b in layers], (skip / spread).float()
+
+
 class Network(nn.Module):
     """Hidden layers x → activation(W x + b), an affine last one, and a linear map `skip` of the inputs added to it.
 

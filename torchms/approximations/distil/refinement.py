@@ -16,8 +16,7 @@ from torchms.approximations.distil.energies import POINTS, Cells
 from torchms.approximations.distil.level import Level
 from torchms.approximations.distil.rows import OUTGOING
 from torchms.approximations.distil.training import loss
-from torchms.approximations.distil.weights import Inputs, Net, Weights
-from torchms.approximations.network import Layer, soft_sign
+from torchms.approximations.distil.weights import Inputs, Net, Weights, hidden
 from torchms.sampling.uniforms import generator_for, integers
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import write_whole
@@ -51,14 +50,6 @@ class Data(NamedTuple):
         """`count` rows."""
         rows = slice(first, first + count)
         return Data(self.inputs.part(rows), *(x[rows] for x in self[1:]))
-
-
-class Chunk(NamedTuple):
-    """What a sum over rows takes of some of them."""
-
-    inputs: Inputs
-    f: Tensor
-    weight: Tensor
 
 
 def shares(lobe: Tensor, f: Tensor) -> Tensor:
@@ -139,9 +130,8 @@ def _energies(level: Level, vector: Tensor, cells: Cells) -> Tensor:
     return cells.energies(torch.cat([level.value(vector, x) for x in cells.inputs.split(CHUNK)]))
 
 
-def _chunks(rows: Data, weight: Tensor) -> Iterator[Chunk]:
-    for inputs, f, w in zip(rows.inputs.split(CHUNK), rows.f.split(CHUNK), weight.split(CHUNK), strict=True):
-        yield Chunk(inputs, f, w)
+def _chunks(rows: Data, weight: Tensor) -> Iterator[tuple[Inputs, Tensor, Tensor]]:
+    return zip(rows.inputs.split(CHUNK), rows.f.split(CHUNK), weight.split(CHUNK), strict=True)
 
 
 def _objective(level: Level, vector: Tensor, rows: Data, cells: Cells, weight: Tensor, hard: Tensor) -> float:
@@ -190,7 +180,7 @@ def others_anew(
     layers, _ = weights.split(vector)[0]
     weight, offset = layers[-1]
     with torch.no_grad():
-        known = torch.cat([_hidden(layers, data.inputs.pair), data.inputs.pair], 1)
+        known = torch.cat([hidden(layers, data.inputs.pair), data.inputs.pair], 1)
         level = torch.cat([weights.outputs(vector, x)[:, :1] for x in data.inputs.split(CHUNK)])
     rows = torch.cat([weight[1:], torch.zeros(len(weight) - 1, data.inputs.pair.shape[1])], 1).requires_grad_(True)
     shifts = offset[1:].clone().requires_grad_(True)
@@ -204,11 +194,5 @@ def others_anew(
 
     optimizer.step(value)
     advance(steps)
-    hidden = weight.shape[1]
-    return [(rows.detach()[:, :hidden], shifts.detach())], rows.detach()[:, hidden:]
-
-
-def _hidden(layers: list[Layer], x: Tensor) -> Tensor:
-    for weight, offset in layers[:-1]:
-        x = soft_sign(torch.addmm(offset, x, weight.T))
-    return x
+    last, linear = rows.detach().split([weight.shape[1], data.inputs.pair.shape[1]], 1)
+    return [(last, shifts.detach())], linear

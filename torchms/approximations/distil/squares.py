@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.approximations.network import Layer
+from torchms.approximations.network import Layer, folded
 from torchms.approximations.pair_features import root_sign
 from torchms.sampling.uniforms import draw
 
@@ -96,13 +96,7 @@ class Net:
 
     def folded(self, vector: Tensor, mean: Tensor, spread: Tensor) -> tuple[list[Layer], Tensor]:
         """Layers and linear part for inputs as they are."""
-        layers, skip = self.split(vector.double())
-        mean, spread = mean.double(), spread.double()
-        weight, offset = layers[0]
-        layers[0] = weight / spread, offset - weight @ (mean / spread)
-        weight, offset = layers[-1]
-        layers[-1] = weight, offset - skip @ (mean / spread)
-        return [(w.float(), b.float()) for w, b in layers], (skip / spread).float()
+        return folded(*self.split(vector), mean, spread)
 
 
 class Normal(NamedTuple):

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from torchms.approximations.metal_features import FEATURES, OF_ONE
 from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL, OUTPUTS
-from torchms.approximations.network import Layer, soft_sign
+from torchms.approximations.network import Layer, folded, soft_sign
 from torchms.sampling.uniforms import draw
 
 Net = tuple[list[Layer], Tensor]
@@ -105,17 +105,21 @@ class Weights:
             ((weight, offset),), skip[1:] = others
             layers[-1][0][1:], layers[-1][1][1:] = weight, offset
         pair, each = (layers, skip), (each[0], each[1][None])
-        return _folded(pair, self.mean, self.spread), _folded(each, self.mean_of_one, self.spread_of_one)
+        return folded(*pair, self.mean, self.spread), folded(*each, self.mean_of_one, self.spread_of_one)
+
+
+def hidden(layers: list[Layer], x: Tensor) -> Tensor:
+    """What the last of the layers takes."""
+    for weight, offset in layers[:-1]:
+        x = soft_sign(torch.addmm(offset, x, weight.T))
+    return x
 
 
 def outputs(net: Net, inputs: Tensor) -> Tensor:
     """The outputs (n, K) of one network; its linear part is added to the first."""
     layers, skip = net
-    x = inputs
-    for weight, offset in layers[:-1]:
-        x = soft_sign(torch.addmm(offset, x, weight.T))
     weight, offset = layers[-1]
-    found = torch.addmm(offset, x, weight.T)
+    found = torch.addmm(offset, hidden(layers, inputs), weight.T)
     return torch.cat([found[:, :1] + (inputs @ skip)[:, None], found[:, 1:]], 1)
 
 
@@ -125,13 +129,3 @@ def _layers(vector: Tensor, sizes: Sequence[int]) -> Net:
         layers.append((vector[at : at + m * n].view(m, n), vector[at + m * n : at + m * n + m]))
         at += m * n + m
     return layers, vector[at:]
-
-
-def _folded(net: Net, mean: Tensor, spread: Tensor) -> Net:
-    layers, skip = net
-    mean, spread = mean.double(), spread.double()
-    weight, offset = layers[0]
-    layers[0] = weight / spread, offset - weight @ (mean / spread)
-    weight, offset = layers[-1]
-    layers[-1] = weight, offset - skip @ (mean / spread)
-    return [(w.float(), b.float()) for w, b in layers], (skip / spread).float()
