@@ -172,7 +172,7 @@ def _in_parts(cells: Cells) -> Iterator[Cells]:
 def others_anew(
     weights: Weights, vector: Tensor, data: Data, targets: Tensor, steps: int, advance: Callable[[int], None]
 ) -> Net:
-    """The last layer of all outputs but the first (6, hidden), (6) and their linear parts (6, FEATURES), by L-BFGS.
+    """Last layer of all n outputs but the first, (n, hidden) and (n), and their linear parts (n, FEATURES), by L-BFGS.
 
     ln g and the hidden layers, which were refined for it, stay.
     """

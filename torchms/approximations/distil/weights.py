@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.metal_features import FEATURES, OF_ONE
-from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL, OUTPUTS
+from torchms.approximations.metal_lobes import EXPONENT, OUTPUTS, heads
 from torchms.approximations.network import Layer, folded, soft_sign
 from torchms.sampling.uniforms import draw
 
@@ -35,16 +35,16 @@ class Inputs(NamedTuple):
 
 
 class Heads:
-    """What the outputs (n, 7) of the networks mean; the training's counterpart of `MetalLobes.rest`."""
+    """What the outputs (n, OUTPUTS) of the networks mean; the training's counterpart of `MetalLobes.rest`."""
 
     def __init__(self, outputs: Tensor) -> None:
-        self.level = torch.exp(outputs[:, 0].clamp(*EXPONENT))
-        a, b = torch.exp(outputs[:, 1].clamp(-9, 9)), torch.exp(outputs[:, 2].clamp(-9, 9))
+        level, *others = outputs.unbind(-1)
+        self.level = torch.exp(level.clamp(*EXPONENT))
+        a, b, self.facets, fall = heads(others)
         last = 1 / (1 + a + b)
         self.shares = torch.stack([a * last, b * last, last], -1)
-        self.cosines = 0.5 + 0.5 * soft_sign(outputs[:, 3:6])
-        fall = 0.5 * MOST_FALL * (1 + soft_sign(outputs[:, 6]))
-        self.mean_order = 4 + fall / (1 - fall)
+        self.rest = fall / (1 - fall)
+        """Mean number of bounces after the fourth, of light that has come to it."""
 
 
 class Weights:
@@ -87,7 +87,7 @@ class Weights:
         return _layers(vector[: self.length], self.sizes), _layers(vector[self.length :], self.each)
 
     def outputs(self, vector: Tensor, inputs: Inputs) -> Tensor:
-        """The outputs (n, 7) for standardised features."""
+        """The outputs (n, OUTPUTS) for standardised features."""
         pair, each = self.split(vector)
         found = outputs(pair, inputs.pair)
         of_one = outputs(each, inputs.one) + outputs(each, inputs.other)
