@@ -8,6 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from torchms.approximations.distilled_file import Distillate
 from torchms.approximations.metal_features import FEATURES, OF_ONE
 from torchms.approximations.metal_lobes import EXPONENT, OUTPUTS, heads
 from torchms.approximations.network import Layer, folded, soft_sign
@@ -82,6 +83,20 @@ class Weights:
             parts.append(torch.zeros(sizes[0]))
         return torch.cat(parts)
 
+    def unfolded(self, distillate: Distillate) -> Tensor:
+        """The vector of what a file holds: of the linear parts only that of ln g is kept."""
+        assert distillate.each is not None
+        parts = []
+        for net, mean, spread in (
+            ((distillate.layers, distillate.skip), self.mean, self.spread),
+            (distillate.each, self.mean_of_one, self.spread_of_one),
+        ):
+            layers, skip = [(w.double(), b.double()) for w, b in net[0]], net[1].double()
+            layers[-1] = layers[-1][0], layers[-1][1] + skip @ mean.double()
+            layers[0] = layers[0][0] * spread, layers[0][1] + layers[0][0] @ mean.double()
+            parts += [x.flatten() for layer in layers for x in layer] + [skip[0] * spread]
+        return torch.cat(parts).float()
+
     def split(self, vector: Tensor) -> tuple[Net, Net]:
         """The networks of the pair and of each direction."""
         return _layers(vector[: self.length], self.sizes), _layers(vector[self.length :], self.each)
@@ -106,6 +121,13 @@ class Weights:
             layers[-1][0][1:], layers[-1][1][1:] = weight, offset
         pair, each = (layers, skip), (each[0], each[1][None])
         return folded(*pair, self.mean, self.spread), folded(*each, self.mean_of_one, self.spread_of_one)
+
+
+def sizes_of(distillate: Distillate) -> tuple[list[int], list[int]]:
+    """Units of the hidden layers of both networks of a file."""
+    assert distillate.each is not None
+    pair, each = ([len(offset) for _, offset in layers[:-1]] for layers in (distillate.layers, distillate.each[0]))
+    return pair, each
 
 
 def hidden(layers: list[Layer], x: Tensor) -> Tensor:
