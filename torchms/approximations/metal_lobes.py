@@ -17,6 +17,7 @@ from torchms.approximations.metal_features import above, features, features_of_o
 from torchms.approximations.network import Network, soft_sign
 from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel.base import Fresnel
+from torchms.fresnel.ideal import Ideal
 from torchms.maths.frame import Vec3
 
 OUTPUTS = 3 + 3 * MEANS + 1
@@ -69,5 +70,7 @@ class MetalLobes(nn.Module):
         wi, wo = above(wi), above(wo)
         rest = self.rest(distribution, wi, wo)
         lobes = [torch.where(valid, lobe * wo.z, 0.0) for lobe in rest.lobes]
+        if isinstance(fresnel, Ideal):
+            return [lobe[None] for lobe in lobes]
         left = reflected(*mean_reflectances(fresnel, rest.facets), rest.facets, rest.fall)
         return [share * lobe for share, lobe in zip(left, lobes, strict=True)]
