@@ -213,13 +213,16 @@ class BSDF(Parametric, ABC):
     ) -> tuple[Tensor, ...]:
         """`kernel` by the engine, or in blocks, after all that is given has been looked at."""
         engine = self.engine
+
+        def look() -> None:
+            check_values(self, directions, u if kernel.draws(self) else None)
+
         if (
             engine is not None
             and block is None
             and (recent := engine.recent(kernel, self, tuple(directions.values()), u))
         ):
-            check_values(self, directions, u if kernel.draws(self) else None)
-            return engine.again(recent, tuple(directions.values()), u)
+            return engine.again(recent, tuple(directions.values()), u, look)
         for name, w in directions.items():
             check_direction(w, name)
         n_uniforms = self.n_uniforms
@@ -229,7 +232,8 @@ class BSDF(Parametric, ABC):
         check_parameters(self, directions | ({"u": u} if isinstance(u, Tensor) else {}))
         if optional:
             u = None
-        check_values(self, directions, u)
+        if engine is None:
+            look()
         surface = fitted(self, *given_batches(directions, u))
         if isinstance(u, Tensor):
             u = widened(u)
@@ -237,5 +241,5 @@ class BSDF(Parametric, ABC):
         numbers = source(u, n_uniforms, self.dtype)
         with own_precision(given[0]):
             if engine is not None:
-                return engine.run(kernel, surface, given, numbers)
+                return engine.run(kernel, surface, given, numbers, look)
             return blocks.run(kernel, surface, given, numbers, block)

@@ -39,6 +39,11 @@ def set_validation(enabled: bool) -> bool:
     return before
 
 
+def is_checked() -> bool:
+    """Whether the checked mode is on."""
+    return _checked
+
+
 def check_values(module: nn.Module | None, directions: Mapping[str, Tensor], u: Tensor | Stream | None) -> None:
     """Raise ValueError, in checked mode, for a direction (*batch, 3) that is not of unit length, a number not in [0, 1] or a
     parameter of `module`, if there is one, out of its range.
@@ -146,12 +151,12 @@ def _seen_once(x: Tensor, trailing: int) -> Tensor:
 
 def _strays(w: Tensor) -> bool | Tensor:
     """Whether some |w|² is not near 1; off the CPU a tensor that says so, which nobody has waited for."""
-    seen, slack = _seen_once(w, 1).reshape(-1, 3), _slack(w)
+    seen, most = _seen_once(w, 1).reshape(-1, 3), slack(w)
     here = _on_host(w)
     bad: bool | Tensor = False
     for part in seen.split(CHUNK) if here else (seen,):
         x, y, z = part.unbind(-1)
-        bad = _outside((x * x).addcmul_(y, y).addcmul_(z, z), 1 - slack, 1 + slack)
+        bad = _outside((x * x).addcmul_(y, y).addcmul_(z, z), 1 - most, 1 + most)
         if here and bad:
             break
     return bad
@@ -187,7 +192,8 @@ def _on_host(x: Tensor) -> bool:
     return x.device.type == "cpu"
 
 
-def _slack(w: Tensor) -> float:
+def slack(w: Tensor) -> float:
+    """Most that |w|² may differ from 1, by the dtype of `w`."""
     return max(UNIT, 4 * torch.finfo(w.dtype).eps)
 
 
@@ -197,12 +203,12 @@ def _has_no_values(w: Tensor) -> bool:
 
 
 def _refuse_direction(name: str, w: Tensor) -> None:
-    length2, slack = (w * w).sum(-1), _slack(w)
-    bad = ~((length2 - 1).abs() <= slack)
+    length2, most = (w * w).sum(-1), slack(w)
+    bad = ~((length2 - 1).abs() <= most)
     flat = int(bad.reshape(-1).to(torch.uint8).argmax())
     value = ", ".join(f"{x:g}" for x in w.reshape(-1, 3)[flat].tolist())
     raise ValueError(
-        f"{name} must hold unit vectors: |{name}|² within {slack:g} of 1; got {first_bad(bad, length2)}, where {name} = "
+        f"{name} must hold unit vectors: |{name}|² within {most:g} of 1; got {first_bad(bad, length2)}, where {name} = "
         f"({value}). Use torch.nn.functional.normalize({name}, dim=-1), or torchms.set_validation(False) to skip this check."
     )
 

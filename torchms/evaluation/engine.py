@@ -6,7 +6,7 @@ the same classes, or the same one after a step of training, runs the same code. 
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -14,6 +14,7 @@ from rich.console import Console
 from torch import Tensor
 
 from torchms.evaluation import blocks, threads
+from torchms.evaluation.arguments import is_checked
 from torchms.evaluation.inputs import Inputs
 from torchms.evaluation.kernel import Kernel
 from torchms.evaluation.numbers import Source, Without, source
@@ -52,20 +53,24 @@ class Engine:
         return Engine, (self.verbose, self.exact)
 
     def run(
-        self, kernel: Kernel, bsdf: Parametric, directions: Sequence[Tensor], numbers: Source
+        self,
+        kernel: Kernel,
+        bsdf: Parametric,
+        directions: Sequence[Tensor],
+        numbers: Source,
+        look: Callable[[], None] = lambda: None,
     ) -> tuple[Tensor, ...]:
-        """What `blocks.run` gives."""
-        if torch.compiler.is_compiling() or directions[0].device.type != "cpu" or threads.bound_to_this_thread():
-            return blocks.run(kernel, bsdf, directions, numbers)
-        batch = blocks.batch_shape(bsdf, directions, numbers)
-        if not batch.numel():
-            return blocks.run(kernel, bsdf, directions, numbers)
-        inputs = Inputs.of(bsdf, batch, directions, numbers)
-        program = self._program(kernel, bsdf, inputs)
-        if program is None:
-            return blocks.run(kernel, bsdf, directions, numbers)
-        self._remember(kernel, bsdf, directions, batch, inputs, program)
-        return self._evaluated(program, inputs, batch)
+        """What `blocks.run` gives. look: raises for values that checked mode refuses; called where some may be bad."""
+        if not (torch.compiler.is_compiling() or directions[0].device.type != "cpu" or threads.bound_to_this_thread()):
+            batch = blocks.batch_shape(bsdf, directions, numbers)
+            inputs = Inputs.of(bsdf, batch, directions, numbers) if batch.numel() else None
+            program = None if inputs is None else self._program(kernel, bsdf, inputs)
+            if inputs is not None and program is not None:
+                inputs.look = look if is_checked() else None
+                self._remember(kernel, bsdf, directions, batch, inputs, program)
+                return self._evaluated(program, inputs, batch)
+        look()
+        return blocks.run(kernel, bsdf, directions, numbers)
 
     def _evaluated(self, program: Compiled, inputs: Inputs, batch: torch.Size) -> tuple[Tensor, ...]:
         if torch.is_grad_enabled() and any(x.requires_grad for x in inputs.tensors):
@@ -83,10 +88,21 @@ class Engine:
             return None
         return last if last.fits(bsdf, given, u if last.numbers is not None else None) else None
 
-    def again(self, last: Recent, directions: tuple[Tensor, ...], u: Tensor | Stream | None) -> tuple[Tensor, ...]:
+    def again(
+        self, last: Recent, directions: tuple[Tensor, ...], u: Tensor | Stream | None, look: Callable[[], None]
+    ) -> tuple[Tensor, ...]:
         """What `run` gives for a call that is like the last one."""
+        checked = is_checked()
+        if last.plan is not None and (
+            done := last.plan.run(directions, u if last.numbers is not None else None, checked)
+        ):
+            found, bad = done
+            if bad:
+                look()
+            return found
         numbers = source(u, last.n_uniforms, last.dtype) if last.numbers is not None else Without()
         inputs = Inputs.with_rest(last.bsdf, last.batch, directions, numbers, last.rest)
+        inputs.look = look if checked else None
         return self._evaluated(last.program, inputs, last.batch)
 
     def _remember(

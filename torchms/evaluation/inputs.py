@@ -1,15 +1,17 @@
 """The tensors of one call as a program takes them: flattened rows, and numbers that all rows share."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from torchms.evaluation.arguments import slack
 from torchms.evaluation.kernel import Kernel
 from torchms.evaluation.numbers import Given, Source, Streamed, flat_rows
 from torchms.evaluation.signature import Input, Signature, structure
-from torchms.machine.code import Column
+from torchms.machine.code import COLUMN, DOUBLES, FLOATS, UNIT, Check, Column
 from torchms.machine.record import Recorder
 from torchms.maths.frame import Vec3
 from torchms.parameters.declared import Parametric
@@ -18,7 +20,12 @@ from torchms.sampling.stream import StreamNumbers
 
 
 class Inputs:
-    """`tensors`, and in `inputs` what each of them is; counters are the columns that no tensor holds."""
+    """`tensors`, and in `inputs` what each of them is; counters are the columns that no tensor holds.
+
+    look: raises for values that are not to be used, where machine code has found some; None where nobody looks.
+    """
+
+    look: Callable[[], None] | None = None
 
     def __init__(
         self,
@@ -118,6 +125,27 @@ class Inputs:
                 found += [Column(address + c * steps[1], row, 0) for c in range(x.shape[1])]
             else:
                 found.append(Column(address, row, 0))
+        return found
+
+    def checks(self) -> list[Check]:
+        """What checked mode wants of their values."""
+        found: list[Check] = []
+        column, shared = len(self.counters), 0
+        declared = parameters(self.bsdf)
+        for x, entry in zip(self.tensors, self.inputs, strict=True):
+            count = math.prod(entry.columns)
+            if entry.role == "direction":
+                found.append(Check(UNIT, column, 3, 1 - slack(x), 1 + slack(x)))
+            elif entry.role == "number":
+                found += [Check(COLUMN, column + i, 1, 0.0, 1.0) for i in range(count)]
+            elif entry.name in declared:
+                low, high = declared[entry.name].record.ends(x.dtype)
+                if entry.role == "map":
+                    found += [Check(COLUMN, column + i, 1, low, high) for i in range(count)]
+                else:
+                    found.append(Check(FLOATS if x.dtype == torch.float32 else DOUBLES, shared, count, low, high))
+            shared += entry.role == "shared"
+            column += 0 if entry.role == "shared" else count
         return found
 
     def shared(self) -> list[Tensor]:

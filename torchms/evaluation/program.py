@@ -2,7 +2,6 @@
 
 import math
 import threading
-from array import array
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
@@ -12,20 +11,11 @@ from torch import Tensor
 
 from torchms.evaluation import blocks, threads
 from torchms.evaluation.inputs import Element, Inputs
+from torchms.evaluation.run import Run
 from torchms.evaluation.signature import Signature
 from torchms.machine.code import EACH, MEAN, TOTAL, Code, Column, Result
 from torchms.machine.record import Recorder, record
 
-PIECE = 512
-"""Elements that stay in the first cache: machine code takes rows by so many."""
-ELEMENTS = 16384
-"""Elements that a thread takes at a time."""
-FEW = 8192
-"""Elements of which one thread computes all: another one would take longer to begin."""
-ALONG_PATHS = 64
-"""Paths from which on machine code goes along them, not along the rows."""
-PATHS = 1 << 16
-"""Paths of a row that a thread takes at a time."""
 MOST_GRADIENTS = 1024
 """Numbers that all elements share of which machine code gives gradients; of more they are computed eagerly."""
 
@@ -54,12 +44,27 @@ class Compiled:
 
     def values(self, inputs: Inputs) -> tuple[Tensor, ...]:
         """(rows, *lead), or (rows, N, *lead) if the kernel is per path."""
-        n, N, each = inputs.n_rows, inputs.n_paths, self.kernel.per_path
-        paths = (N,) if each else ()
-        wholes = [torch.empty(*lead, *paths, n, dtype=t) for lead, t in zip(self.leads, self.dtypes, strict=True)]
-        results = [part for whole in wholes for part in _parts(whole, n, EACH if each else MEAN)]
-        _Run(self.code, inputs, inputs.columns(), results, 1.0 if each else 1 / N, wholes).whole()
+        n, each = inputs.n_rows, self.kernel.per_path
+        wholes = self.room(n, inputs.n_paths)
+        run = Run(self.code, inputs, inputs.columns(), self.results(wholes, n), self.scale(inputs.n_paths), wholes)
+        run.whole()
+        if run.call.bad and inputs.look is not None:
+            inputs.look()
         return tuple(blocks.surfaced(whole, torch.Size([n]), each) for whole in wholes)
+
+    def room(self, n_rows: int, n_paths: int) -> list[Tensor]:
+        """Tensors (*lead, [N], rows) for the values, not filled."""
+        size = (n_paths, n_rows) if self.kernel.per_path else (n_rows,)
+        return [torch.empty(*lead, *size, dtype=t) for lead, t in zip(self.leads, self.dtypes, strict=True)]
+
+    def results(self, wholes: Sequence[Tensor], n_rows: int) -> list[Result]:
+        """Where the values of each element go in this `room`."""
+        how = EACH if self.kernel.per_path else MEAN
+        return [part for whole in wholes for part in _parts(whole, n_rows, how)]
+
+    def scale(self, n_paths: int) -> float:
+        """What a sum over the paths is multiplied by."""
+        return 1.0 if self.kernel.per_path else 1 / n_paths
 
     def gradients(self, inputs: Inputs, grads: Sequence[Tensor], wanted: tuple[bool, ...]) -> list[Tensor | None]:
         """Of each tensor of `inputs` that is wanted, from those of the values."""
@@ -85,8 +90,8 @@ class Compiled:
                 totals.append((whole, len(results), whole.numel()))
                 results += [Result(0, 0, 0, TOTAL)] * whole.numel()
                 found.append(whole)
-        scale = 1.0 if self.kernel.per_path else 1 / inputs.n_paths
-        sums = _Run(code, inputs, columns, results, scale, [x for x in found if x is not None]).whole()
+        scale = self.scale(inputs.n_paths)
+        sums = Run(code, inputs, columns, results, scale, [x for x in found if x is not None]).whole()
         for whole, first, count in totals:
             whole.view(-1).copy_(torch.tensor(sums[first : first + count], dtype=torch.float64) * scale)
         return found
@@ -177,74 +182,3 @@ def _columns(grad: Tensor, lead: torch.Size, per_path: bool) -> list[Column]:
     for length, step in zip(lead, tail, strict=True):
         offsets = [o + i * step for o in offsets for i in range(length)]
     return [Column(grad.data_ptr() + o, row, path) for o in offsets]
-
-
-class _Run:
-    """One call of machine code over all rows and paths, cut among threads; `alive` is what results point into."""
-
-    def __init__(
-        self,
-        code: Code,
-        inputs: Inputs,
-        columns: list[Column],
-        results: list[Result],
-        scale: float,
-        alive: Sequence[Tensor],
-    ) -> None:
-        self.n, self.N = inputs.n_rows, inputs.n_paths
-        self.results, self.scale, self.alive = results, scale, alive
-        self.shared = inputs.shared()
-        self.call = code.prepared(columns, [x.data_ptr() for x in self.shared])
-        self.by_rows = self.N < ALONG_PATHS
-        self.sums = any(result.how == TOTAL for result in results)
-
-    def whole(self) -> list[float]:
-        """Run it; the totals of the results that are one."""
-        groups = 1 if self.by_rows else -(-self.N // PATHS)
-        n = threads.n_threads()
-        if groups == 1 and not self.sums and (n == 1 or self.n * self.N <= FEW):
-            return list(self.call.run(self.results, self.scale, (0, self.n), (0, self.N), self.by_rows))
-        return self._cut(groups, n)
-
-    def _cut(self, groups: int, n: int) -> list[float]:
-        """In parts whose sums are added up in one order, whatever thread took them."""
-        step = max(1, min(ELEMENTS // min(self.N, PATHS), -(-self.n // 2)))
-        step = -(-step // PIECE) * PIECE if self.by_rows else step
-        length = -(-self.N // groups)
-        jobs = [
-            (first, min(first + step, self.n), g * length, min((g + 1) * length, self.N), g)
-            for first in range(0, self.n, step)
-            for g in range(groups)
-        ]
-        # The sums over further groups of paths stand aside until all of them are there.
-        aside = [[torch.empty_like(x) for x in self.alive] for _ in range(groups - 1)]
-        partial = [self.results, *(self._moved(tensors) for tensors in aside)]
-        totals: list[array | None] = [None] * len(jobs)
-
-        def run(i: int) -> None:
-            row, row_end, path, path_end, group = jobs[i]
-            totals[i] = self.call.run(partial[group], self.scale, (row, row_end), (path, path_end), self.by_rows)
-
-        if n == 1 or len(jobs) == 1:
-            for i in range(len(jobs)):
-                run(i)
-        else:
-            threads.share(len(jobs), run, n)
-        for tensors in aside if any(result.how == MEAN for result in self.results) else ():
-            for whole, part in zip(self.alive, tensors, strict=True):
-                whole += part
-        if not self.sums:
-            return []
-        return torch.tensor([list(part) for part in totals if part is not None], dtype=torch.float64).sum(0).tolist()
-
-    def _moved(self, tensors: Sequence[Tensor]) -> list[Result]:
-        """The results in these tensors; those of each path stay where they are."""
-
-        def moved(result: Result) -> Result:
-            for whole, other in zip(self.alive, tensors, strict=True):
-                offset = result.address - whole.data_ptr()
-                if result.how == MEAN and 0 <= offset < whole.numel() * whole.element_size():
-                    return result._replace(address=other.data_ptr() + offset)
-            return result
-
-        return [moved(result) for result in self.results]

@@ -3,6 +3,7 @@
 Nothing is looked at anew that can only change together with one of the objects that are compared here.
 """
 
+from operator import is_
 from typing import Any
 
 import torch
@@ -12,7 +13,7 @@ from torch.nn.utils import parametrize
 from torchms.evaluation.inputs import Inputs
 from torchms.evaluation.kernel import Kernel
 from torchms.evaluation.numbers import Streamed
-from torchms.evaluation.signature import OF_ANY_MODULE
+from torchms.evaluation.plan import Plan
 from torchms.parameters.declared import Parametric
 from torchms.sampling.stream import Stream
 
@@ -21,27 +22,19 @@ class Snapshot:
     """The parts of a module as they are now."""
 
     def __init__(self, module: nn.Module) -> None:
-        self.entries: list[tuple[dict[str, Any], str, Any]] = []
-        self.sizes: list[tuple[dict[str, Any], int]] = []
+        self.known: list[tuple[dict[str, Any], list[Any]]] = []
         self.tensors: list[tuple[Tensor, torch.Size, torch.dtype]] = []
         # A value that is computed from another tensor is a new one every time.
         self.comparable = not any(parametrize.is_parametrized(part) for part in module.modules())
         for part in module.modules():
             for known in (vars(part), part._parameters, part._buffers, part._modules):
-                self.sizes.append((known, len(known)))
-                skipped = OF_ANY_MODULE if known is vars(part) else ()
-                self.entries += [(known, name, x) for name, x in known.items() if name not in skipped]
-        for _, _, x in self.entries:
-            if isinstance(x, Tensor):
-                self.tensors.append((x, x.shape, x.dtype))
+                self.known.append((known, list(known.values())))
+                self.tensors += [(x, x.shape, x.dtype) for x in known.values() if isinstance(x, Tensor)]
 
     def holds(self) -> bool:
         """Whether they are the same objects, of the same shapes, still."""
-        for known, size in self.sizes:
-            if len(known) != size:
-                return False
-        for known, name, x in self.entries:
-            if known.get(name) is not x:
+        for known, values in self.known:
+            if len(known) != len(values) or (values and not all(map(is_, known.values(), values))):
                 return False
         return all(x.shape == shape and x.dtype is dtype for x, shape, dtype in self.tensors)
 
@@ -64,6 +57,7 @@ class Recent:
         self.dtype = inputs.source.dtype if isinstance(inputs.source, Streamed) else torch.get_default_dtype()
         self.numbers = _numbers(inputs.source.given)
         self.state = _state()
+        self.plan = Plan.of(program, inputs, given, batch)
 
     def fits(self, bsdf: nn.Module, given: tuple[Tensor, ...], u: Tensor | Stream | None) -> bool:
         """Whether a call is like it."""

@@ -2,6 +2,7 @@
 
 import ctypes
 from array import array
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from torchms.machine.build import built
@@ -9,6 +10,8 @@ from torchms.machine.program import Program
 from torchms.machine.simplify import simplified
 from torchms.machine.source import source
 
+UNIT, COLUMN, FLOATS, DOUBLES = 0, 1, 2, 3
+"""What a `Check` looks at."""
 EACH, MEAN, TOTAL = 0, 1, 2
 """What happens to a result: one a path, `scale` × the sum over the paths, or the sum over all elements (in double)."""
 
@@ -34,6 +37,20 @@ class Result(NamedTuple):
     how: int
 
 
+class Check(NamedTuple):
+    """That numbers lie in [low, high], and are not NaN.
+
+    what: `UNIT` for the squared length of the vector in columns first … first + 2, `COLUMN` for a column, `FLOATS` or `DOUBLES`
+    for `size` numbers of the shared tensor `first`.
+    """
+
+    what: int
+    first: int
+    size: int
+    low: float
+    high: float
+
+
 class Code:
     """The machine code of a program. exact: whether it rounds after every operation, as eager torch does."""
 
@@ -44,24 +61,31 @@ class Code:
         library.n_cells.restype = integer
         self.n_cells = int(library.n_cells())
         self.n_results = len(program.results)
-        self._prelude, self._run = library.prelude, library.run
-        self._prelude.argtypes, self._prelude.restype = [pointer, pointer], None
-        self._run.argtypes = [pointer, pointer, pointer, pointer, ctypes.c_double, *[integer] * 5, pointer]
-        self._run.restype = None
+        self.n_operations = sum(program.varies)
+        self.prelude, self.stray = library.prelude, library.shared_stray
+        self.prelude.argtypes, self.prelude.restype = [pointer, pointer], None
+        self.stray.argtypes, self.stray.restype = [pointer, pointer, integer], integer
+        self.run, self.at_once = library.run, library.at_once
+        self.run.argtypes = [*[pointer] * 5, integer, ctypes.c_double, *[integer] * 5, pointer]
+        self.at_once.argtypes = [pointer, integer, pointer, integer, ctypes.c_double, *[integer] * 3]
+        self.run.restype = self.at_once.restype = integer
 
-    def prepared(self, columns: list[Column], shared: list[int]) -> "Call":
+    def prepared(self, columns: list[Column], shared: list[int], checks: Sequence[Check] = ()) -> "Call":
         """A call with these columns, and tensors that all elements share at the addresses `shared`."""
-        where = array("q", shared or [0])
-        cells = array("d", bytes(8 * max(self.n_cells, 1)))
-        self._prelude(where.buffer_info()[0], cells.buffer_info()[0])
-        return Call(self, array("q", [word for column in columns for word in column]), cells, where)
+        return Call(self, array("q", [word for column in columns for word in column]), shared, checks)
 
 
 class Call:
-    """Code with its inputs, ready to run over any part of the rows and paths."""
+    """Code with its inputs, ready to run over any part of the rows and paths. bad: whether a check failed so far."""
 
-    def __init__(self, code: Code, columns: array, cells: array, shared: array) -> None:
-        self.code, self.columns, self.cells, self.shared = code, columns, cells, shared
+    def __init__(self, code: Code, columns: array, shared: list[int], checks: Sequence[Check]) -> None:
+        self.code, self.columns = code, columns
+        self.shared = array("q", shared or [0])
+        self.cells = array("d", bytes(8 * max(code.n_cells, 1)))
+        self.checks, self.n_checks = array("d", [number for check in checks for number in check] or [0]), len(checks)
+        where = self.shared.buffer_info()[0]
+        code.prelude(where, self.cells.buffer_info()[0])
+        self.bad = bool(code.stray(where, self.checks.buffer_info()[0], self.n_checks))
 
     def run(
         self, results: list[Result], scale: float, rows: tuple[int, int], paths: tuple[int, int], by_rows: bool
@@ -69,15 +93,19 @@ class Call:
         """Compute these rows and paths, and give back the sums of the results that are a `TOTAL`."""
         where = array("q", [word for result in results for word in result])
         totals = array("d", bytes(8 * max(self.code.n_results, 1)))
-        self.code._run(
+        bad = self.code.run(
             self.columns.buffer_info()[0],
             where.buffer_info()[0],
             self.cells.buffer_info()[0],
             self.shared.buffer_info()[0],
+            self.checks.buffer_info()[0],
+            self.n_checks,
             scale,
             *rows,
             *paths,
             by_rows,
             totals.buffer_info()[0],
         )
+        if bad:
+            self.bad = True
         return totals

@@ -16,12 +16,19 @@ struct Result {  // element (row, path) goes to data + row · row_step + path ·
     int64_t how;  // 0: one a path; 1: times `scale`, summed over the paths; 2: summed over all elements, as a double
 };
 
+struct Check {  // that numbers lie in [low, high]: what, 0: the squared length of the vector in columns index, index + 1 and index + 2;
+    double what, index, count, low, high;  // 1: column `index`; 2 and 3: `count` floats or doubles of shared tensor `index`
+};
+
 struct Call {
     const Column* columns;
     const Result* results;
     const char* cells;
     const void* const* shared;
+    const Check* checks;
+    int64_t n_checks;
     double scale;
+    bool* bad;
 };
 
 template <class T>
@@ -127,8 +134,56 @@ static void take(const Call& c, int k, Stage& s, int64_t row, int64_t path, bool
     }
 }
 
+// NaN is in no range: no comparison with it is true.
+template <class T>
+static bool outside(const void* x, int64_t count, double low, double high) {
+    bool bad = false;
+    for (int64_t i = 0; i < count; i++) bad |= !(((const T*)x)[i] >= T(low) && ((const T*)x)[i] <= T(high));
+    return bad;
+}
+
+extern "C" int64_t shared_stray(const void* const* shared, const Check* checks, int64_t n_checks) {
+    bool bad = false;
+    for (const Check* k = checks; k < checks + n_checks; k++) {
+        if (k->what == 2) bad |= outside<float>(shared[int64_t(k->index)], int64_t(k->count), k->low, k->high);
+        if (k->what == 3) bad |= outside<double>(shared[int64_t(k->index)], int64_t(k->count), k->low, k->high);
+    }
+    return bad;
+}
+
+template <class V, class T, V load(const void*, int64_t)>
+static bool stray(const void* const* columns, const Check& k, int64_t count) {
+    const V low = T(k.low) - V{}, high = T(k.high) - V{};
+    auto good = low == low;
+    if (k.what == 0)
+        for (int64_t i = 0; i < count; i += LANES) {
+            const V x = load(columns[0], i), y = load(columns[1], i), z = load(columns[2], i), length2 = x * x + y * y + z * z;
+            good &= (length2 >= low) & (length2 <= high);
+        }
+    else
+        for (int64_t i = 0; i < count; i += LANES) {
+            const V x = load(columns[0], i);
+            good &= (x >= low) & (x <= high);
+        }
+    for (int j = 0; j < LANES; j++) if (!good[j]) return true;
+    return false;
+}
+
+// Whether a column of this piece is bad; what is the same for every path is looked at once.
+static bool strays(const Stage& s, const Call& c, bool by_rows, int64_t count, bool first) {
+    bool bad = false;
+    for (const Check* k = c.checks; k < c.checks + c.n_checks; k++) {
+        const int64_t i = int64_t(k->index);
+        if (k->what > 1 || (by_rows && !first && c.columns[i].path_step == 0)) continue;
+        if (COLUMN_SIZE[i] == 4) bad |= stray<F, float, load_f>(s.columns + i, *k, count);
+        else bad |= stray<D, double, load_d>(s.columns + i, *k, count);
+    }
+    return bad;
+}
+
 static void piece(Stage& s, const Call& c, int64_t row, int64_t path, bool by_rows, int64_t count, bool first, bool last, double* sums, double* totals) {
     bring(s, c, row, path, by_rows, count, first);
+    if (c.n_checks) *c.bad |= strays(s, c, by_rows, padded(count), first);
     for (int k = 0; k < N_RESULTS; k++) {
         const Result& out = c.results[k];
         const int64_t step = by_rows ? out.row_step : out.path_step;
@@ -143,11 +198,12 @@ static void piece(Stage& s, const Call& c, int64_t row, int64_t path, bool by_ro
         else take<double>(c, k, s, row, path, by_rows, count, first, last, sums, totals);
 }
 
-// Rows [row, row_end) and paths [path, path_end), many elements along the one or along the other.
-extern "C" void run(const Column* columns, const Result* results, const char* cells, const void* const* shared, double scale, int64_t row, int64_t row_end,
-                    int64_t path, int64_t path_end, int64_t by_rows, double* totals) {
+// Rows [row, row_end) and paths [path, path_end), many elements along the one or along the other; whether numbers are bad.
+extern "C" int64_t run(const Column* columns, const Result* results, const char* cells, const void* const* shared, const Check* checks, int64_t n_checks,
+                       double scale, int64_t row, int64_t row_end, int64_t path, int64_t path_end, int64_t by_rows, double* totals) {
     static thread_local Stage s;
-    const Call c{columns, results, cells, shared, scale};
+    bool bad = false;
+    const Call c{columns, results, cells, shared, checks, n_checks, scale, &bad};
     double sums[N_RESULTS + 1];
     if (by_rows)
         for (int64_t r = row; r < row_end; r += PIECE) {
@@ -160,4 +216,16 @@ extern "C" void run(const Column* columns, const Result* results, const char* ce
                 const int64_t count = path_end - p < PIECE ? path_end - p : PIECE;
                 piece(s, c, r, p, false, count, p == path, p + count == path_end, sums, totals);
             }
+    return bad;
+}
+
+// What `prelude` and `run` do, of few elements: words are the columns, the results, the shared tensors and room for cells.
+extern "C" int64_t at_once(int64_t* words, int64_t n_shared, const Check* checks, int64_t n_checks, double scale, int64_t rows, int64_t paths, int64_t by_rows) {
+    const auto* results = (const Result*)(words + 4 * N_COLUMNS);
+    const auto* shared = (const void* const*)(words + 4 * (N_COLUMNS + N_RESULTS));
+    char* cells = (char*)(words + 4 * (N_COLUMNS + N_RESULTS) + n_shared);
+    prelude(shared, cells);
+    const bool bad = shared_stray(shared, checks, n_checks);
+    double totals[N_RESULTS + 1];
+    return run((const Column*)words, results, cells, shared, checks, n_checks, scale, 0, rows, 0, paths, by_rows, totals) || bad;
 }

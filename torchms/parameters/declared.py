@@ -1,6 +1,7 @@
 """Parameters of a batch: how a module declares, checks and stores the numbers that describe a surface."""
 
 import inspect
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -46,6 +47,13 @@ class Parameter:
         """Where `value` is not in the range, or NaN."""
         below = (value <= self.low) if self.open_low else (value < self.low)
         return below | (value > self.high) | torch.isnan(value)
+
+    def ends(self, dtype: torch.dtype) -> tuple[float, float]:
+        """The least and the greatest number of this dtype in the range."""
+        low, high = torch.tensor([self.low, self.high], dtype=dtype)
+        if self.open_low:
+            low = torch.nextafter(low, torch.full_like(low, math.inf))
+        return float(low), float(high)
 
     def batch(self, value: Tensor) -> torch.Size:
         """The shape of `value` without the axis of the channels."""
