@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from torchms.approximations import diffuse_lobes, glass_lobes, metal_features, metal_lobes
+from torchms.approximations import diffuse_lobes, glass_lobes, metal_features, metal_lobes, surface_lobes
 from torchms.approximations import distilled_file as files
 from torchms.approximations.coordinates import ETA
 from torchms.approximations.diffuse_lobes import DiffuseLobes
@@ -35,6 +35,9 @@ NETWORKS = {
     "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
     "reflected": files.Shape(glass_lobes.REFLECTED, 1),
     "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
+    "gaussian": files.Shape(
+        metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, surface_lobes.ORDERS
+    ),
 }
 """What a file may be about. Glass takes both of the last."""
 FACETS: dict[type[Vertex], str] = {Mirror: "metal", Diffuse: "diffuse", Refractive: "glass"}

@@ -24,11 +24,12 @@ MOST_LAYERS = 8
 
 
 class Shape(NamedTuple):
-    """Inputs and outputs of a facet's network, and inputs of that of one direction, which has one output; 0 if it has none."""
+    """Inputs and outputs of a facet's network, and those of that of one direction; 0 inputs if it has none."""
 
     inputs: int
     outputs: int
     of_one: int = 0
+    outputs_of_one: int = 1
 
 
 class Distillate(NamedTuple):
@@ -97,7 +98,7 @@ def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
     if not 0 < low < high < math.inf:
         raise ValueError(f"{path.name} is for alpha in [{low:g}, {high:g}], which is no range. {REMEDY}")
     layers, skip = _network(arrays, "", shape.inputs, shape.outputs, path)
-    each = _network(arrays, "each_", shape.of_one, 1, path) if shape.of_one else None
+    each = _network(arrays, "each_", shape.of_one, shape.outputs_of_one, path) if shape.of_one else None
     distribution = str(scalar(arrays, "distribution", otherwise, REMEDY))
     return Distillate(facet, distribution, (low, high), layers, skip, certificate, each)
 
