@@ -37,7 +37,7 @@ class Distillate(NamedTuple):
 
     facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
     roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
-    each: weights of what either direction brings, if there is that.
+    each: weights of what either direction brings, if there is that. slopes: of a measured surface.
     """
 
     facet: str
@@ -47,6 +47,7 @@ class Distillate(NamedTuple):
     skip: Tensor
     certificate: dict[str, Any]
     each: tuple[list[Layer], Tensor] | None = None
+    slopes: Any = None
 
 
 def write(path: str | Path, distillate: Distillate, force: bool = False) -> None:

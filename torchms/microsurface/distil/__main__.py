@@ -1,6 +1,5 @@
 """python -m torchms.microsurface.distil: light on Gaussian surfaces, and a file of lobes for `Distilled`."""
 
-import os
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +14,7 @@ from torchms.approximations.distil.rows import drawn
 from torchms.approximations.distil.training import inputs_of
 from torchms.cli.progress import progress_bar
 from torchms.microsurface.distil import fit, light
+from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
 from torchms.microsurface.distil.smith import smith_orders
 from torchms.sampling.uniforms import generator_for
 from torchms.storage.write import check_writable
@@ -56,18 +56,15 @@ def main(options: Options) -> None:
     """Run all of it. Raises ValueError for options that do not fit, FileExistsError for a file that is there."""
     check(options)
     check_writable(options.out, options.force)
-    rank, world = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+    rank, world = processes()
     told = {k: v for k, v in asdict(options).items() if k not in ("out", "work", "force", "threads")}
     opened(options.work, {"version": __version__, "alpha": list(options.alpha), "seed": options.seed})
     numbers = list(range(rank, options.blocks, world))
-    threads = options.threads or max(1, (os.cpu_count() or 1) // world)
+    threads = threads_of(options.threads, world)
     with progress_bar("light", len(numbers)) as advance:
         made = partial(light.gaussian_block, options.alpha, options.seed)
         light.made(options.work, numbers, made, threads, advance)
-    if world > 1:
-        torch.distributed.init_process_group("gloo")
-        torch.distributed.barrier()
-        torch.distributed.destroy_process_group()
+    wait_for_all(world)
     if rank == 0:
         finish(options, told)
 

@@ -65,9 +65,7 @@ def surface_block(caster: GridCaster, alpha: tuple[float, float], seed: int, num
     return _traced(caster, alpha, wi, (seed, number))
 
 
-def _traced(
-    caster: GridCaster, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]
-) -> dict[str, np.ndarray]:
+def _traced(caster: GridCaster, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]) -> dict[str, np.ndarray]:
     unit = wi.double().numpy()
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
     found = exits(caster, MirrorFacets(), unit, np.array(key, dtype=np.uint32), LONGEST)

@@ -24,12 +24,10 @@ from torchms.storage.archives import read_arrays
 from torchms.storage.write import write_whole
 
 CHUNK = 8192
-POINTS = 1 << 16
+POINTS = 1 << 15
 """Points of the integral that the matrix of a step is made from."""
-FEW = 1 << 18
-"""Paths and points of a step, but for the LAST share of the steps, which take MANY."""
-MANY = 1 << 22
-LAST = 0.35
+LOOKS = ((0.4, 1 << 18), (0.75, 1 << 20), (1.0, 1 << 22))
+"""Up to which share of the steps a step looks at so many paths and points; others in each."""
 TRIES = 6
 SMALLEST = 1e-6
 
@@ -41,10 +39,9 @@ class Paths(NamedTuple):
     index: Tensor
     weight: Tensor
 
-    def first(self, count: int) -> "Paths":
-        """`count` of them, with the weights of all."""
-        count = min(count, len(self.index))
-        rows = slice(0, count)
+    def some(self, count: int, step: int) -> "Paths":
+        """`count` of them, others in each step, with the weights of all."""
+        rows, count = _turn(len(self.index), count, step)
         return Paths(self.inputs.part(rows), self.index[rows], self.weight[rows] * (len(self.index) / count))
 
 
@@ -54,10 +51,16 @@ class Points(NamedTuple):
     inputs: Inputs
     smith: Tensor
 
-    def first(self, count: int) -> "Points":
-        """`count` of them, with the shares of all."""
-        count = min(count, len(self.smith))
-        return Points(self.inputs.part(slice(0, count)), self.smith[:count] * (len(self.smith) / count))
+    def some(self, count: int, step: int) -> "Points":
+        """`count` of them, others in each step, with the shares of all."""
+        rows, count = _turn(len(self.smith), count, step)
+        return Points(self.inputs.part(rows), self.smith[rows] * (len(self.smith) / count))
+
+
+def _turn(length: int, count: int, step: int) -> tuple[slice, int]:
+    count = min(count, length)
+    first = (step % (length // count)) * count
+    return slice(first, first + count), count
 
 
 def value(model: Correction, vector: Tensor, paths: Paths, points: Points) -> float:
@@ -119,8 +122,8 @@ def fitted(
         vector, damping, first = torch.from_numpy(kept["vector"]), float(kept["damping"]), int(kept["step"])
     advance(min(first, steps))
     for step in range(first, steps):
-        many = MANY if step >= (1 - LAST) * steps else FEW
-        some, where = paths.first(many), points.first(many)
+        count = next(n for share, n in LOOKS if step < share * steps)
+        some, where = paths.some(count, step), points.some(count, step)
         least, gradient = slope(model, vector, some, where)
         curved = matrix(model, vector, points, seed + step)
         diagonal = torch.diag(curved.diagonal() + 1e-7 * curved.diagonal().max())

@@ -23,7 +23,10 @@ def beckmann_lobes() -> MetalLobes:
 
 @torch.no_grad()
 def smith_orders(rows: Rows, first: MicrofacetDistribution | None = None) -> Tensor:
-    """f cos θ_o [1/sr] (n, 4) of one, two, three and more bounces; `first`: whose facets the first one meets, not Beckmann's."""
+    """f cos θ_o [1/sr] (n, 4) of one, two, three and more bounces.
+
+    first: whose facets the only bounce of a path meets, if they are not Beckmann's.
+    """
     lobes, single, parts = beckmann_lobes(), SingleBounce(), []
     for begin in range(0, len(rows.ax), CHUNK):
         some = rows.part(slice(begin, begin + CHUNK))
