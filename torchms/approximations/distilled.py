@@ -15,7 +15,7 @@ from torchms.approximations.coordinates import ETA
 from torchms.approximations.diffuse_lobes import DiffuseLobes
 from torchms.approximations.glass_lobes import GlassLobes
 from torchms.approximations.metal_features import above
-from torchms.approximations.metal_lobes import MetalLobes, lit
+from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.metal_sampling import MetalProposal
 from torchms.approximations.metal_walk import metal_walk
 from torchms.approximations.surface_lobes import SurfaceLobes
@@ -33,13 +33,14 @@ from torchms.sampling.proposals import Proposal
 KNOWN = ("GGX", "Beckmann")
 SMITH = ("metal", "diffuse", "reflected", "transmitted")
 """Files that come with torchms for each of them."""
+SMITHS = files.Shape(metal_features.FEATURES, surface_lobes.OF_SMITH, metal_features.OF_ONE)
 NETWORKS = {
     "metal": files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE),
     "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
     "reflected": files.Shape(glass_lobes.REFLECTED, 1),
     "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
     "gaussian": files.Shape(
-        metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, surface_lobes.ORDERS
+        metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, surface_lobes.ORDERS, SMITHS
     ),
 }
 """What a file may be about. Glass takes both of the last."""
@@ -108,7 +109,7 @@ class Distilled(Scattering):
         if each.facet == "metal":
             key, lobes = f"{each.distribution} metal", MetalLobes(each)
         elif each.facet == "gaussian":
-            key, lobes = "Beckmann metal", SurfaceLobes(MetalLobes(packaged("Beckmann", "metal")), each)
+            key, lobes = "Beckmann metal", SurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:
@@ -190,11 +191,13 @@ class Distilled(Scattering):
         distribution = self._elliptic(vertex)
 
         def rest(d: Vec3) -> tuple[list[Tensor], list[Tensor]]:
-            found = lobes.rest(distribution, above(wi), d)
-            return lit(found, vertex.fresnel, wi, d), found.lobes
+            white = lobes.rest(distribution, above(wi), d).lobes
+            if isinstance(lobes, SurfaceLobes):
+                return lobes.orders(torch.ones_like(d.z), distribution, vertex.fresnel, wi, d)[1:], white
+            return lobes.orders(distribution, vertex.fresnel, wi, d), white
 
         def first(d: Vec3) -> Tensor | None:
-            return lobes.first(distribution, above(wi), above(d)) if isinstance(lobes, SurfaceLobes) else None
+            return lobes.rest(distribution, above(wi), above(d)).first if isinstance(lobes, SurfaceLobes) else None
 
         yield from metal_walk(vertex, self.single, MetalProposal(distribution), rest, wi, u, first)
 

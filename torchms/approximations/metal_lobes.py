@@ -61,14 +61,11 @@ class MetalLobes(nn.Module):
 
     def orders(self, distribution: EllipticDistribution, fresnel: Fresnel, wi: Vec3, wo: Vec3) -> list[Tensor]:
         """Kernel: f · cos θ_o [1/sr] of the orders 2, 3 and ≥ 4, each (C, …); 0 where a direction is not above."""
-        return lit(self.rest(distribution, above(wi), above(wo)), fresnel, wi, wo)
-
-
-def lit(rest: Rest, fresnel: Fresnel, wi: Vec3, wo: Vec3) -> list[Tensor]:
-    """f · cos θ_o [1/sr] of `rest` on facets with `fresnel`, each (C, …); 0 where a direction is not above."""
-    valid = (wi.z > 0) & (wo.z > 0)
-    lobes = [torch.where(valid, lobe * above(wo).z, 0.0) for lobe in rest.lobes]
-    F2, F3, F4 = (fresnel.reflectance(c) for c in rest.cosines)
-    square = F4 * F4
-    tail = square * square * ((1 - rest.fall) / (1 - rest.fall * F4))
-    return [F2 * F2 * lobes[0], F3 * F3 * F3 * lobes[1], tail * lobes[2]]
+        valid = (wi.z > 0) & (wo.z > 0)
+        wi, wo = above(wi), above(wo)
+        rest = self.rest(distribution, wi, wo)
+        lobes = [torch.where(valid, lobe * wo.z, 0.0) for lobe in rest.lobes]
+        F2, F3, F4 = (fresnel.reflectance(c) for c in rest.cosines)
+        square = F4 * F4
+        tail = square * square * ((1 - rest.fall) / (1 - rest.fall * F4))
+        return [F2 * F2 * lobes[0], F3 * F3 * F3 * lobes[1], tail * lobes[2]]

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torchms.approximations.distilled_file import Distillate
 from torchms.approximations.free_features import free_features, free_features_of_one
 from torchms.approximations.metal_features import above, features, features_of_one
-from torchms.approximations.metal_lobes import MOST_FALL, MetalLobes, Rest, lit
+from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL
 from torchms.approximations.network import Network, soft_sign
 from torchms.approximations.pair_features import root_sign
 from torchms.distributions.base import EllipticDistribution
@@ -26,60 +26,81 @@ ORDERS = 4
 """Orders with a correction of their own; the last is of four bounces and more."""
 OUTPUTS = ORDERS + 4
 """Corrections, facet cosines of the orders 2, 3 and ≥ 4, and the fall of the last."""
+OF_SMITH = 3
+"""Outputs of Smith's network: ln of all orders from the second on, and of the second and the third over the others."""
 MOST = 8.0
 """Largest |ln| of a correction."""
 
 
 class Corrected(NamedTuple):
-    """The factor of one bounce [1], and the rest."""
+    """With F = 1: the factor of one bounce [1]; f [1/sr], without cos θ_o, of the orders 2, 3 and ≥ 4; their facets' cosines;
+    the ratio of one order from four on to the one before it."""
 
     first: Tensor
-    rest: Rest
+    lobes: list[Tensor]
+    cosines: list[Tensor]
+    fall: Tensor
 
 
 class SurfaceLobes(nn.Module):
     """Lobes of explicit surfaces of metal, from Smith's and two networks: of the pair, and of each direction.
 
-    smith: those of Beckmann from the second bounce on. A file about "gaussian" surfaces holds for any roughness in its range;
-    one about a "scan" for that surface, whose further bounces start from those of Beckmann with its variances of slopes.
+    A file about "gaussian" surfaces holds for any roughness in its range; one about a "scan" for that surface, whose further
+    bounces start from those of Beckmann with its variances of slopes. Smith's networks are in the file, too: what is
+    corrected must stay what it was.
     """
 
-    def __init__(self, smith: MetalLobes, distillate: Distillate) -> None:
+    def __init__(self, distillate: Distillate) -> None:
         super().__init__()
-        assert distillate.each is not None
-        self.smith = smith
+        assert distillate.each is not None and distillate.smith is not None
+        smith, smith_each = distillate.smith
+        self.smith, self.smith_each = Network(*smith), Network(*smith_each)
         self.network = Network(distillate.layers, distillate.skip, root_sign)
         self.each = Network(*distillate.each, root_sign)
         self.facets = None if distillate.slopes is None else Beckmann(*distillate.slopes.alphas)
         """What further bounces, and directions to sample, start from on a scan; elsewhere the facets of the surface."""
 
-    def corrected(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Corrected:
+    def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Corrected:
         """Kernel; both directions above the horizon."""
-        of_pair, of_one = (features, features_of_one) if self.facets is None else (free_features, free_features_of_one)
-        found = self.network(of_pair(distribution, wi, wo))
+        found, shared = features(distribution, wi, wo), features_of_one
         both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
-        each = [one + other for one, other in self.each(of_one(distribution, both))]
-        first, *others = (torch.exp((c + e).clamp(-MOST, MOST)) for c, e in zip(found[:ORDERS], each, strict=True))
-        *cosines, fall = found[ORDERS:]
-        lobes = self.smith.rest(distribution, wi, wo).lobes
-        rest = Rest(
-            [lobe * factor for lobe, factor in zip(lobes, others, strict=True)],
+        level, second, third = self.smith(found)
+        one, other = self.smith_each(features_of_one(distribution, both))[0]
+        a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
+        last = torch.exp((level + (one + other)).clamp(*EXPONENT)) / (1 + a + b)
+        if self.facets is not None:
+            found, shared = free_features(distribution, wi, wo), free_features_of_one
+        outputs = self.network(found)
+        each = [one + other for one, other in self.each(shared(distribution, both))]
+        first, *factors = (torch.exp((c + e).clamp(-MOST, MOST)) for c, e in zip(outputs[:ORDERS], each, strict=True))
+        *cosines, fall = outputs[ORDERS:]
+        return Corrected(
+            first,
+            [lobe * factor for lobe, factor in zip((last * a, last * b, last), factors, strict=True)],
             [0.5 + 0.5 * soft_sign(c) for c in cosines],
             (0.5 * MOST_FALL) * (1 + soft_sign(fall)),
         )
-        return Corrected(first, rest)
-
-    def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Rest:
-        """Kernel: all from the second bounce on, both directions above the horizon."""
-        return self.corrected(distribution, wi, wo).rest
-
-    def first(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Tensor:
-        """Kernel: the surface's single bounce over Smith's."""
-        return self.corrected(distribution, wi, wo).first
 
     def orders(
         self, single: Tensor, distribution: EllipticDistribution, fresnel: Fresnel, wi: Vec3, wo: Vec3
     ) -> list[Tensor]:
-        """Kernel: f · cos θ_o [1/sr] of the orders 1, 2, 3 and ≥ 4, each (C, …); `single` is Smith's of one bounce."""
-        first, rest = self.corrected(distribution, above(wi), above(wo))
-        return [single * first, *lit(rest, fresnel, wi, wo)]
+        """Kernel: f · cos θ_o [1/sr] of the orders 1, 2, 3 and ≥ 4, each (C, …); `single` is Smith's of one bounce.
+
+        Each order meets facets at one effective cosine c_k, so with Fresnel it is F(c_k)^k of what it is with F = 1, which is
+        exact to first order in the variation of F.
+        """
+        valid = (wi.z > 0) & (wo.z > 0)
+        found = self.rest(distribution, above(wi), above(wo))
+        two, three, more = (torch.where(valid, lobe * wo.z, 0.0) for lobe in found.lobes)
+        F2, F3, F4 = (fresnel.reflectance(c) for c in found.cosines)
+        square = F4 * F4
+        # Σ_{k ≥ 4} (1 − r) r^{k−4} F^k = F⁴ (1 − r) / (1 − r F).
+        tail = square * square * ((1 - found.fall) / (1 - found.fall * F4))
+        return [single * found.first, F2 * F2 * two, F3 * F3 * F3 * three, tail * more]
+
+
+def of_smith(metal: Distillate) -> tuple[tuple[list, Tensor], tuple[list, Tensor]]:
+    """What `SurfaceLobes` starts from, of a file of Smith's lobes of metal: networks of the pair and of each direction."""
+    assert metal.each is not None
+    *hidden, (weight, offset) = metal.layers
+    return ([*hidden, (weight[:OF_SMITH], offset[:OF_SMITH])], metal.skip[:OF_SMITH]), metal.each

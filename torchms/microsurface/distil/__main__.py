@@ -12,10 +12,11 @@ from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.command import commit, run
 from torchms.approximations.distil.rows import drawn
 from torchms.approximations.distil.training import inputs_of
+from torchms.approximations.surface_lobes import of_smith
 from torchms.cli.progress import progress_bar
 from torchms.microsurface.distil import fit, light
 from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
-from torchms.microsurface.distil.smith import smith_orders
+from torchms.microsurface.distil.smith import beckmann, smith_orders
 from torchms.sampling.uniforms import generator_for
 from torchms.storage.write import check_writable
 from torchms.version import __version__
@@ -84,7 +85,9 @@ def finish(options: Options, told: dict[str, Any]) -> None:
         "options": {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()},
         "paths": found.begun,
     }
-    distillate = files.Distillate("gaussian", "Beckmann", options.alpha, layers, skip, certificate, each)
+    distillate = files.Distillate(
+        "gaussian", "Beckmann", options.alpha, layers, skip, certificate, each, of_smith(beckmann())
+    )
     files.write(options.out, distillate, options.force)
     print(f"{options.out}: {options.out.stat().st_size} bytes")
 

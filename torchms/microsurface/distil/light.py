@@ -26,7 +26,7 @@ BATCHES, RAYS = 16, 8192
 """Roughnesses of one block, and paths of each."""
 LONGEST = 30
 """Most bounces that are followed."""
-KEPT = 0.25
+KEPT = 0.1
 """Share of the paths of one bounce that is kept: they are most of all, and the simplest."""
 MOST_BYTES = 1 << 28
 COLUMNS = ("ax", "ay", "wi", "wo", "order", "steep")

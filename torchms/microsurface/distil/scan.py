@@ -15,7 +15,7 @@ from torchms.approximations.distil.command import commit
 from torchms.approximations.distil.rows import Rows, drawn
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.free_features import free_features, free_features_of_one
-from torchms.approximations.surface_lobes import SurfaceLobes
+from torchms.approximations.surface_lobes import SurfaceLobes, of_smith
 from torchms.cli.progress import progress_bar
 from torchms.distributions import Beckmann, Tabulated
 from torchms.estimators import SingleBounce
@@ -23,7 +23,7 @@ from torchms.fresnel import Ideal
 from torchms.maths.frame import Vec3, split
 from torchms.microsurface.distil import fit, held_out, light
 from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
-from torchms.microsurface.distil.smith import beckmann_lobes, smith_orders
+from torchms.microsurface.distil.smith import beckmann, smith_orders
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.surfaces.heightfield import Heightfield
@@ -105,7 +105,9 @@ def distilled(
         "paths": found.begun,
         **about,
     }
-    made = files.Distillate("scan", "Tabulated", (0.99 * low, 1.01 * high), layers, skip, certificate, each, slopes)
+    made = files.Distillate(
+        "scan", "Tabulated", (0.99 * low, 1.01 * high), layers, skip, certificate, each, of_smith(beckmann()), slopes
+    )
     rows = report(caster, tabulated, made, effort)
     errors = {name: round(max(row[name]["lobe_error"] for row in rows), 5) for name in MODELS}
     return made._replace(certificate=certificate | {"largest lobe error": errors}), rows
@@ -127,8 +129,8 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
         traced = held_out.shares(
             lambda number: caster, held_out.HALVES, cells, effort.held_out, effort.seed + 77, advance
         )
-    lobes = SurfaceLobes(beckmann_lobes(), made)
-    beckmann, single = Beckmann(ax, ay), SingleBounce()
+    lobes = SurfaceLobes(made)
+    facets, single = Beckmann(ax, ay), SingleBounce()
 
     def rows_of(cell: held_out.Cell, wo: Tensor) -> Rows:
         wi = torch.from_numpy(cell.wi).float().expand_as(wo)
@@ -140,7 +142,7 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
         i, o = (Vec3(*(x[None] for x in split(w))) for w in (wi, wo))
         vertex = Mirror(tabulated, Ideal())
         first = single.evaluate(vertex, i, o, ())[0]
-        return torch.stack([x[0, 0] for x in lobes.orders(first, beckmann, vertex.fresnel, i, o)], -1)
+        return torch.stack([x[0, 0] for x in lobes.orders(first, facets, vertex.fresnel, i, o)], -1)
 
     models = {
         MODELS[0]: held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo)), cells),

@@ -5,6 +5,7 @@ from torch import Tensor
 
 from torchms.approximations.distil.rows import Rows
 from torchms.approximations.distilled import packaged
+from torchms.approximations.distilled_file import Distillate
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.distributions import Beckmann
 from torchms.distributions.base import MicrofacetDistribution
@@ -16,9 +17,9 @@ from torchms.paths.mirror import Mirror
 CHUNK = 8192
 
 
-def beckmann_lobes() -> MetalLobes:
+def beckmann() -> Distillate:
     """All bounces between Beckmann facets, from the second on."""
-    return MetalLobes(packaged("Beckmann", "metal"))
+    return packaged("Beckmann", "metal")
 
 
 @torch.no_grad()
@@ -27,7 +28,7 @@ def smith_orders(rows: Rows, first: MicrofacetDistribution | None = None) -> Ten
 
     first: whose facets the only bounce of a path meets, if they are not Beckmann's.
     """
-    lobes, single, parts = beckmann_lobes(), SingleBounce(), []
+    lobes, single, parts = MetalLobes(beckmann()), SingleBounce(), []
     for begin in range(0, len(rows.ax), CHUNK):
         some = rows.part(slice(begin, begin + CHUNK))
         distribution = Beckmann(some.ax, some.ay)
