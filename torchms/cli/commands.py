@@ -13,7 +13,7 @@ from torchms.cli.options import (
     RenderOptions,
     SimulateOptions,
 )
-from torchms.cli.plain_options import FitMeasuredOptions, LabOptions, LutOptions
+from torchms.cli.plain_options import DistilOptions, FitMeasuredOptions, LabOptions, LutOptions
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
@@ -24,6 +24,7 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "export": (ExportOptions, "torchms.cli.export:run_export"),
     "lab": (LabOptions, "torchms.cli.lab:run_lab"),
     "lut": (LutOptions, "torchms.cli.lut:run_lut"),
+    "distil": (DistilOptions, "torchms.cli.distil:run_distil"),
     "fit-measured": (FitMeasuredOptions, "torchms.cli.fit_measured:run_fit_measured"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""

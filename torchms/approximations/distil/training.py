@@ -39,13 +39,19 @@ SCALES = (1.0, 2.0, 2.0, 6.0)
 
 
 @torch.no_grad()
-def inputs_of(kind: str, rows: Rows, step: int = 8192) -> Inputs:
-    """The features."""
+def inputs_of(
+    kind: str,
+    rows: Rows,
+    step: int = 8192,
+    functions: tuple[Callable[..., list[Tensor]], Callable[..., list[Tensor]]] = (features, features_of_one),
+) -> Inputs:
+    """The features; functions: which ones, of a pair and of one direction."""
+    of_pair, of_one = functions
     parts: list[list[Tensor]] = [[], [], []]
     for start in range(0, len(rows.ax), step):
         some = rows.part(slice(start, start + step))
         distribution, wi, wo = KINDS[kind](some.ax, some.ay), split(some.wi), split(some.wo)
-        given = features(distribution, wi, wo), *(features_of_one(distribution, w) for w in (wi, wo))
+        given = of_pair(distribution, wi, wo), *(of_one(distribution, w) for w in (wi, wo))
         for column, found in zip(parts, given, strict=True):
             column.append(torch.stack(torch.broadcast_tensors(*found), -1))
     return Inputs(*(torch.cat(column) for column in parts))

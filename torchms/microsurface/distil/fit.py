@@ -1,0 +1,113 @@
+"""From simulated light to the weights of a correction: the likelihood of the paths, then facet cosines and the tail."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from torchms.approximations.distil.rows import Rows
+from torchms.approximations.distil.weights import Inputs
+from torchms.approximations.metal_lobes import MOST_FALL
+from torchms.approximations.network import Layer, soft_sign
+from torchms.approximations.surface_lobes import ORDERS, OUTPUTS
+from torchms.cli.progress import progress_bar
+from torchms.microsurface.distil import likelihood
+from torchms.microsurface.distil.light import Light
+from torchms.microsurface.distil.networks import Correction, Folded
+from torchms.sampling.uniforms import generator_for
+
+URGENT = (1.0, 1.0, 2.0, 4.0)
+"""Weights of the orders' likelihoods: the rare ones would hardly be heard."""
+OTHERS = 1 << 18
+"""Paths that the other outputs are fitted to."""
+OTHER_STEPS = 60
+TAIL = 0.003
+
+
+class Subject(NamedTuple):
+    """What is corrected. inputs: features of rows; smith: its f cos θ_o [1/sr] (n, ORDERS) there."""
+
+    inputs: Callable[[Rows], Inputs]
+    smith: Callable[[Rows], Tensor]
+
+
+def learned(
+    subject: Subject,
+    light: Light,
+    points: tuple[Rows, Tensor],
+    sizes: tuple[Sequence[int], Sequence[int]],
+    steps: int,
+    seed: int,
+    folder: Path,
+) -> tuple[Folded, Folded]:
+    """Networks of the pair and of each direction, for features as they are.
+
+    points: where integrals are summed, and cos² θ_o / density of each, see `rows.drawn`.
+    """
+    rows, share = points
+    inputs = subject.inputs(Rows(light.ax, light.ay, light.wi, light.wo))
+    model = Correction(*sizes, inputs)
+    urgent = torch.tensor(URGENT)
+    index = light.order.clamp_max(ORDERS) - 1
+    paths = likelihood.Paths(model.standardised(inputs), index, light.weight * urgent[index] / light.begun)
+    # share is for squares of lobes, cos² θ_o / density; here what leaves counts once, f cos θ_o / density.
+    smith = subject.smith(rows) * (share / rows.wo[:, 2] ** 2 / len(share))[:, None]
+    mixed = torch.randperm(len(share), generator=generator_for(seed))
+    where = model.standardised(subject.inputs(rows))
+    summed = likelihood.Points(Inputs(*(x[mixed] for x in where)), smith[mixed] * urgent)
+    vector = model.initial(generator_for(seed + 1))
+    name = "-".join("x".join(map(str, widths)) for widths in sizes)
+    kept = folder / f"likelihood-{name}-{light.begun}-{len(share)}.npz"
+    with progress_bar("likelihood", steps) as advance:
+        vector = likelihood.fitted(model, vector, paths, summed, steps, seed + 2, kept, advance)
+    with progress_bar("other outputs", OTHER_STEPS) as advance:
+        others = other_outputs(model, vector, paths.inputs, light, advance)
+    pair, each = model.folded(vector)
+    return joined(pair, model, others), each
+
+
+def other_outputs(
+    model: Correction, vector: Tensor, inputs: Inputs, light: Light, advance: Callable[[int], None]
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Last layer (4, hidden), offsets (4) and linear part (4, features) of three cosines and the fall, by least squares.
+
+    Of paths of k ≥ 2 bounces: (1 − c)⁵ is the mean of Σ (1 − c_l)⁵ / k, and 4 + r / (1 − r) that of k from four on.
+    """
+    some = torch.nonzero(light.order > 1)[:OTHERS, 0]
+    order, steep = light.order[some], light.steep[some]
+    pair, _ = model.parts(vector)
+    with torch.no_grad():
+        x = inputs.pair[some]
+        known = torch.cat([model.pair.traced(pair, x).seen[-1], x], 1)
+    numbers = torch.zeros(4, known.shape[1] + 1, requires_grad=True)
+    optimizer = torch.optim.LBFGS([numbers], max_iter=OTHER_STEPS, history_size=20, line_search_fn="strong_wolfe")
+    which = order.clamp_max(ORDERS) - 2
+    last = order >= ORDERS
+
+    def loss() -> Tensor:
+        optimizer.zero_grad(set_to_none=True)
+        found = torch.addmm(numbers[:, -1], known, numbers[:, :-1].T)
+        cosine = 0.5 + 0.5 * soft_sign(found.gather(1, which[:, None])[:, 0])
+        fall = 0.5 * MOST_FALL * (1 + soft_sign(found[last, 3]))
+        each = ((1 - cosine) ** 5 - steep / order) ** 2
+        value = each.mean() + TAIL * ((4 + fall / (1 - fall) - order[last]) ** 2).sum() / len(order)
+        value.backward()
+        return value
+
+    optimizer.step(loss)
+    advance(OTHER_STEPS)
+    weight, linear, offset = numbers.detach().split([known.shape[1] - x.shape[1], x.shape[1], 1], 1)
+    return weight, offset[:, 0], linear
+
+
+def joined(pair: Folded, model: Correction, others: tuple[Tensor, Tensor, Tensor]) -> Folded:
+    """The pair's network with the other outputs behind its corrections."""
+    weight, offset, linear = others
+    layers, skip = pair
+    linear = linear / model.spread
+    last: Layer = (torch.cat([layers[-1][0], weight]), torch.cat([layers[-1][1], offset - linear @ model.mean]))
+    skip = torch.cat([skip, linear])
+    assert len(skip) == OUTPUTS
+    return [*layers[:-1], last], skip
