@@ -38,8 +38,8 @@ FAULTS = (
     Fault(
         "1/4 of the reflection's Jacobian missing",
         "paths/vertex.py",
-        "distribution.normal_density(h) / (4 * distribution.guarded_area(w))",
-        "distribution.normal_density(h) / distribution.guarded_area(w)",
+        "distribution.density_along(v) / (4 * distribution.guarded_area(w))",
+        "distribution.density_along(v) / distribution.guarded_area(w)",
         ("tests/unit/test_vertex.py",),
     ),
     Fault(
@@ -177,7 +177,7 @@ FAULTS = (
     ),
     Fault(
         "guards that machine code leaves out",
-        "machine/simplify.py",
+        "machine/truths.py",
         'if name == ("and" if is_true else "or"):',
         'if name in ("and", "or"):',
         ("tests/unit/test_simplify.py",),

@@ -21,7 +21,7 @@ from torchms import (
 )
 from torchms.approximations import AlbedoTable
 from torchms.bsdfs import compile as compiled
-from torchms.evaluation import engine, program
+from torchms.evaluation import engine, run
 from torchms.fresnel import Conductor, Dielectric, Schlick
 
 SMALL = 64
@@ -36,7 +36,7 @@ def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.skip("torchms.compile needs a C++ compiler")
     monkeypatch.setattr(engine, "_programs", {})
     for name in ("PIECE", "ELEMENTS", "PATHS"):
-        monkeypatch.setattr(program, name, SMALL)
+        monkeypatch.setattr(run, name, SMALL)
 
 
 def directions(rows: int, generator: torch.Generator) -> torch.Tensor:

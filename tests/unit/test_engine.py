@@ -9,7 +9,7 @@ import torchms
 from torchms import GGX, KullaConty, RoughConductor, SingleBounce, Stream, Turquin, Unidirectional
 from torchms.approximations import AlbedoTable
 from torchms.bsdfs import compile as compiled
-from torchms.evaluation import engine, program
+from torchms.evaluation import engine, run
 from torchms.fresnel import Conductor, Schlick
 from torchms.paths.segments import Invariance
 from torchms.testing.plain import edges
@@ -90,7 +90,7 @@ def test_parameters_elsewhere_run_eagerly(device: str, counted: list[str]) -> No
 
 def test_threads_change_no_bit(generator: torch.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     """Values, sums over many paths, and gradients of what all rows share."""
-    monkeypatch.setattr(program, "ELEMENTS", 1024)
+    monkeypatch.setattr(run, "ELEMENTS", 1024)
     alpha = nn.Parameter(torch.tensor(0.5))
     fast = torchms.compile(RoughConductor(GGX(alpha), Schlick([0.3, 0.9]), SingleBounce()), verbose=False)
     wi, wo = hemisphere(9_001, generator), hemisphere(9_001, generator)

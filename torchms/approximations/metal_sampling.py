@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
-from torchms.maths.frame import Vec3, half_vector, mirrored, reflect, select
+from torchms.maths.frame import Vec3, mirrored, plus, reflect, select
 from torchms.parameters.exchange import with_parameters
 from torchms.sampling.proposals import Proposal, folded_up
 from torchms.sampling.warps import cosine_hemisphere
@@ -78,5 +78,5 @@ class MetalProposal(Proposal):
 
 def _folded(distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Tensor:
     """Density of reflections, those that end below folded up."""
-    up = distribution.reflecting_density(wi, half_vector(wi, wo))
-    return up + distribution.reflecting_density(wi, half_vector(wi, mirrored(wo)))
+    up = distribution.reflecting_density(wi, plus(wi, wo))
+    return up + distribution.reflecting_density(wi, plus(wi, mirrored(wo)))

@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 import torch
 from torch import Tensor
 
-from torchms.maths.frame import Vec3, dot, join, pair, split
-from torchms.maths.numerics import away_from_zero, horizon, own_precision, smallest
+from torchms.maths.frame import Vec3, dot, join, normalized, pair, split
+from torchms.maths.numerics import horizon, own_precision, smallest
 from torchms.parameters.declared import Parametric, describe
 from torchms.parameters.maps import fitted
 from torchms.typing import Direction, Pair, Scalar
@@ -49,7 +49,7 @@ class MicrofacetDistribution(Parametric, ABC):
         The same number is a(−d) = |1 + Λ(−d)|.
         """
         # |d_z| is kept `horizon` away from zero, so that |Λ| is finite at the horizon and so is its gradient.
-        return self.projected_area(-d) / away_from_zero(d.z, horizon(d.z.dtype)).abs()
+        return self.projected_area(-d) / d.z.abs().clamp_min(horizon(d.z.dtype))
 
     def signed_lambda(self, w: Vec3) -> Tensor:
         """Λ(w): positive above the horizon, below −1 or equal beneath it."""
@@ -75,9 +75,13 @@ class MicrofacetDistribution(Parametric, ABC):
         """A normal to reflect `w` about, where only reflections above the horizon are of use."""
         return self.visible_normal(w, u0, u1)
 
-    def reflecting_density(self, w: Vec3, m: Vec3) -> Tensor:
-        """Density [1/sr] of the reflection of `w` about `reflecting_normal`, by its normal `m`."""
-        return self.normal_density(m) / (4 * self.guarded_area(w))
+    def density_along(self, v: Vec3) -> Tensor:
+        """D in the direction of `v`, a vector of any length; 0 for one too short to have a direction."""
+        return self.normal_density(normalized(v))
+
+    def reflecting_density(self, w: Vec3, v: Vec3) -> Tensor:
+        """Density [1/sr] of the reflection of `w` about `reflecting_normal`, by a vector `v` of any length along its normal."""
+        return self.density_along(v) / (4 * self.guarded_area(w))
 
     # The public surface.
 

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from torchms.distributions.base import EllipticDistribution
 from torchms.maths.frame import Vec3, dot, join, normalized, pair, split
-from torchms.maths.numerics import safe_sqrt, smallest
+from torchms.maths.numerics import horizon, safe_sqrt, smallest
 from torchms.parameters.maps import fitted
 from torchms.typing import Direction, Pair, Scalar
 
@@ -30,6 +30,24 @@ class GGX(EllipticDistribution):
         up = m.z > 0
         q = torch.where(up, q, 1.0)
         return torch.where(up, (ax * ay) / (math.pi * q * q), 0.0)
+
+    def density_along(self, v: Vec3) -> Tensor:
+        # As above, for |v|² in place of 1: no root is needed.
+        ax, ay = self.alphas
+        ratio = ax / ay
+        q = v.x * v.x / ratio + v.y * v.y * ratio + v.z * v.z * (ax * ay)
+        up = v.z > math.sqrt(smallest(v.z.dtype))
+        stretch = torch.where(up, dot(v, v), 0.0) / torch.where(up, q, 1.0)
+        return ax * ay / math.pi * (stretch * stretch)
+
+    def blocking(self, d: Vec3) -> Tensor:
+        # σ(−d) / |d_z|, of `projected_area`, as one quotient.
+        s = self.stretched(d)
+        rho2 = s.x * s.x + s.y * s.y
+        up = s.z > 0
+        z = s.z.abs()
+        far = torch.sqrt((z * z + rho2).clamp_min(smallest(z.dtype))) + z
+        return 0.5 * torch.where(up, rho2, far) / (torch.where(up, far, 1.0) * z.clamp_min(horizon(z.dtype)))
 
     def projected_area(self, w: Vec3) -> Tensor:
         # σ = (r + w_z) / 2, r = √(w_z² + ρ²), ρ² = α_x² x² + α_y² y². Below the horizon the sum cancels; there
@@ -84,7 +102,7 @@ class GGX(EllipticDistribution):
     def bounded_area(self, w: Vec3) -> Tensor:
         """∫ ⟨w, m⟩ D(m) dm over the bounded normals: (k w_z + r) / 2; σ(w) below the horizon."""
         s = self.stretched(w)
-        r = torch.sqrt((s.x * s.x + s.y * s.y + s.z * s.z).clamp_min(smallest(s.z.dtype)))
+        r = self._length(s)
         # Below the horizon r + w_z cancels: [Tokuyoshi2023] divides by r − w_z, as does projected_area.
         return torch.where(w.z > 0, 0.5 * (self.bound(w) * w.z + r), self.guarded_area(w))
 
@@ -97,13 +115,16 @@ class GGX(EllipticDistribution):
         return self._normal_on_cap(s, cap, torch.where(up, (1 - k) * s.z, 0.0), u0, u1)
 
     def within_bound(self, w: Vec3, m: Vec3) -> Tensor:
-        """Whether `m` reflects `w` into the cap."""
+        """Whether `m`, a normal of any length, reflects `w` into the cap."""
         ax, ay = self.alphas
-        s = normalized(self.stretched(w))
-        n = normalized(Vec3(m.x * ay, m.y * ax, m.z * (ax * ay)))
-        z = 2 * dot(s, n) * n.z - s.z
-        # A sample at the rim keeps its density.
-        return z >= -self.bound(w) * s.z - 4 * torch.finfo(z.dtype).eps
+        s = self.stretched(w)
+        n = Vec3(m.x * ay, m.y * ax, m.z * (ax * ay))
+        # 2 (s · n) n_z − s_z ≥ −k s_z for unit s and n, times |s| |n|². A sample at the rim keeps its density.
+        rim = (1 - self.bound(w)) * s.z - 4 * torch.finfo(s.z.dtype).eps * self._length(s)
+        return 2 * dot(s, n) * n.z >= rim * dot(n, n)
+
+    def _length(self, s: Vec3) -> Tensor:
+        return torch.sqrt((s.x * s.x + s.y * s.y + s.z * s.z).clamp_min(smallest(s.z.dtype)))
 
     def bounded_density(self, w: Vec3, m: Vec3) -> Tensor:
         facing = torch.where(self.within_bound(w, m), dot(w, m).clamp_min(0), 0.0)
@@ -112,8 +133,8 @@ class GGX(EllipticDistribution):
     def reflecting_normal(self, w: Vec3, u0: Tensor, u1: Tensor) -> Vec3:
         return self.bounded_normal(w, u0, u1)
 
-    def reflecting_density(self, w: Vec3, m: Vec3) -> Tensor:
-        return torch.where(self.within_bound(w, m), self.normal_density(m) / (4 * self.bounded_area(w)), 0.0)
+    def reflecting_density(self, w: Vec3, v: Vec3) -> Tensor:
+        return torch.where(self.within_bound(w, v), self.density_along(v) / (4 * self.bounded_area(w)), 0.0)
 
     def sample_bounded(self, w: Direction, u: Pair) -> Direction:
         """A normal that may reflect `w` above the horizon, with density `D_bounded`; `u` in [0, 1)².

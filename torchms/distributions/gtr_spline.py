@@ -8,11 +8,14 @@ which runs from 0 at the horizon to 1 at the pole, whatever α is (x → z for �
 width α, and its tail, of width 1, are both a fair part of it. The spline holds ln σ(−|w|) less that of GGX with the same α.
 """
 
+from functools import lru_cache
+
 import torch
 from torch import Tensor
 
 from torchms.distributions.gtr_area import downward_area, incidence
 from torchms.maths.frame import Vec3
+from torchms.maths.numerics import is_readable
 from torchms.maths.ratios import exp_ratio, log_ratio
 from torchms.maths.splines import interpolated, spline
 
@@ -45,11 +48,26 @@ def angle(alpha: Tensor, z: Tensor) -> Tensor:
     return z * torch.sqrt(log_ratio(rise, 1 + rise) / log_ratio(-b, alpha2)) / alpha
 
 
+def _coefficients(alpha: Tensor, gamma: Tensor) -> Tensor:
+    node, _ = placed(alpha, torch.linspace(0, LAST, NODES, dtype=alpha.dtype, device=alpha.device))
+    exact = downward_area(incidence(alpha, gamma, node))
+    return spline(torch.log(exact / ggx_area(alpha * alpha, node.z, node.x * node.x)))
+
+
+@lru_cache(maxsize=64)
+def _remembered(alpha: float, gamma: float, dtype: torch.dtype) -> Tensor:
+    """By the numbers themselves: a tensor may have changed since, whatever it says. Ordinary tensors in any mode."""
+    with torch.inference_mode(False), torch.no_grad():
+        return _coefficients(torch.tensor(alpha, dtype=dtype), torch.tensor(gamma, dtype=dtype))
+
+
 def downward_area_by_spline(alpha: Tensor, gamma: Tensor, z: Tensor, rho2: Tensor) -> Tensor:
     """σ(−|w|) for z = |w_z|, ρ² = w_x² + w_y²; `alpha` and `gamma` have one element each."""
     alpha, gamma = alpha.reshape(()), gamma.reshape(())
-    node, _ = placed(alpha, torch.linspace(0, LAST, NODES, dtype=alpha.dtype, device=alpha.device))
-    exact = downward_area(incidence(alpha, gamma, node))
-    coefficients = spline(torch.log(exact / ggx_area(alpha * alpha, node.z, node.x * node.x)))
+    wanted = torch.is_grad_enabled() and (alpha.requires_grad or gamma.requires_grad)
+    if not wanted and alpha.is_cpu and is_readable(alpha) and is_readable(gamma):
+        coefficients = _remembered(float(alpha), float(gamma), alpha.dtype)
+    else:
+        coefficients = _coefficients(alpha, gamma)
     x = angle(alpha, z) * ((NODES - 1) / LAST)
     return ggx_area(alpha * alpha, z, rho2) * torch.exp(interpolated(coefficients, x))

@@ -5,7 +5,7 @@ from torch import Tensor
 
 from torchms.fresnel.base import Fresnel, from_front
 from torchms.fresnel.metals import lookup
-from torchms.maths.numerics import safe_div, safe_sqrt
+from torchms.maths.numerics import safe_sqrt, smallest
 from torchms.parameters.declared import Value, channels_first
 
 
@@ -30,18 +30,22 @@ def fresnel_conductor(cos_i: Tensor, eta: Tensor, k: Tensor) -> Tensor:
     above = t >= 0
     # (t² underflows in float32 for |t| < 1e-15 only: for N = 1, no boundary at all, within 3e-8 of grazing incidence.)
     q = safe_sqrt(t * t + 4 * eta_k * eta_k)
-    larger = safe_sqrt((q + torch.where(above, t, -t)) / 2)  # not t.abs(): its derivative at t = 0 would be wrong
-    smaller = safe_div(eta_k, larger)
-    a = torch.where(above, larger, smaller)
-    b = torch.where(above, smaller, larger)
+    larger2 = (q + torch.where(above, t, -t)) / 2  # not t.abs(): its derivative at t = 0 would be wrong
+    # The larger is larger2 / √larger2, the other η k / √larger2.
+    inverse = 1 / torch.sqrt(larger2.clamp_min(smallest(larger2.dtype)))
+    a = inverse * torch.where(above, larger2, eta_k)
+    b = inverse * torch.where(above, eta_k, larger2)
 
     b2 = b * b
-    minus = a - cos_i
-    plus = a + cos_i
-    R_s = safe_div(minus * minus + b2, plus * plus + b2)  # 0 / 0 only for N = 1 at grazing incidence: the limit is 0
+    minus, plus = a - cos_i, a + cos_i
     ac = a * cos_i
     ac_s2 = ac + s2
-    return R_s * (1 - 2 * safe_div(ac * s2, ac_s2 * ac_s2 + b2 * c2))
+    below = ac_s2 * ac_s2 + b2 * c2
+    # R_s times the bracket of R_p, as one quotient.
+    over, under = (minus * minus + b2) * (below - 2 * (ac * s2)), (plus * plus + b2) * below
+    # 0 / 0 for N = 1 at grazing incidence, where the limit is 0, and for N → 0 at normal incidence, where it is 1.
+    least = smallest(under.dtype) ** 0.5
+    return (over + least * c2) / (under + least)
 
 
 class Conductor(Fresnel):

@@ -14,6 +14,8 @@ from pathlib import Path
 import torch
 
 FLAGS = ("-std=c++17", "-O2", "-fPIC", "-shared", "-w", "-fno-math-errno", "-fno-trapping-math")
+SCHEDULED = ("-fschedule-insns", "-fsched-pressure")
+"""For g++: a loop body of hundreds of operations waits for its own results unless they are put in another order."""
 
 
 @cache
@@ -53,7 +55,8 @@ def _command() -> tuple[str, ...]:
     # The functions of Sleef are those of torch.
     library = Path(torch.__file__).parent / "lib"
     undefined = ("-undefined", "dynamic_lookup") if sys.platform == "darwin" else ()
-    return _compiler(), *FLAGS, native, f"-L{library}", *undefined
+    scheduled = () if "clang" in Path(_compiler()).name else SCHEDULED
+    return _compiler(), *FLAGS, *scheduled, native, f"-L{library}", *undefined
 
 
 def folder() -> Path:

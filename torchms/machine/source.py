@@ -59,6 +59,9 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
     for value, operation in enumerate(operations):
         if not needed[value]:
             continue
+        if operation.name == "column":
+            # Not in the loop: what it writes might be these addresses.
+            before.append(f"const void* const c{operation.arguments[0]} = columns[{operation.arguments[0]}];")
         size = f"[{len(operation.arguments)}]" if operation.name == "array" else ""
         line = f"const {TYPES[operation.kind]} v{value}{size} = {_expression(operation, program, fast)};"
         if varies[value]:
@@ -73,7 +76,8 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
                 read = f"*(const {scalar}*)(cells + {8 * cells[value]})"
                 before.append(f"const {TYPES[operation.kind]} v{value} = all_{operation.kind}({read});")
     for k, value in enumerate(program.results):
-        loop.append(f"store_{operations[value].kind}(results[{k}], i, v{value});")
+        before.append(f"void* const r{k} = results[{k}];")
+        loop.append(f"store_{operations[value].kind}(r{k}, i, v{value});")
     return "\n".join(
         [
             f"constexpr int64_t N_CELLS = {len(cells)};",
@@ -82,7 +86,8 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
             'extern "C" UNOPTIMISED void prelude(const void* const* shared, char* cells) {',
             *prelude,
             "}",
-            "static void body(const void* const* columns, void* const* results, const char* cells,",
+            # Not part of its caller, whose addresses of what belongs to a thread would be asked for in every round.
+            "static UNMIXED void body(const void* const* columns, void* const* results, const char* cells,",
             "                 const void* const* shared, int64_t count) {",
             *before,
             "for (int64_t i = 0; i < count; i += LANES) {",
@@ -112,7 +117,7 @@ def _expression(operation: Operation, program: Program, fast: bool) -> str:
     if name == "number":
         return _number(str(arguments[0]), kind)
     if name == "column":
-        return f"load_{kind}(columns[{arguments[0]}], i)"
+        return f"load_{kind}(c{arguments[0]}, i)"
     if name == "shared":
         return f"all_{kind}(((const {SCALARS[kind]}*)shared[{arguments[0]}])[{arguments[1]}])"
     operands = [f"v{a}" for a in arguments]
@@ -128,6 +133,8 @@ def _expression(operation: Operation, program: Program, fast: bool) -> str:
         return f"{operands[0]} {INFIX[name]} {operands[1]}"
     if name in COMPARE:
         return f"mask({operands[0]} {COMPARE[name]} {operands[1]})"
+    if name in ("sin", "cos") and fast and kind == "f":
+        return f"turn(v{arguments[0]}).{name}"
     if name == "where":
         return f"pick({operands[0]}, {operands[1]}, {operands[2]})"
     if name == "neg":
@@ -136,4 +143,9 @@ def _expression(operation: Operation, program: Program, fast: bool) -> str:
         return f"~{operands[0]}"
     if name == "cast":
         return f"{kinds[0]}_to_{kind}({operands[0]})"
+    if name in ("max", "min"):
+        # A bound that is no NaN needs no look for it.
+        limits = [n for n in (program.constant(int(a)) for a in arguments) if n is not None]
+        name = f"{name}_of" if limits and kind in "fd" and not math.isnan(limits[0]) else name
+        operands.sort(key=lambda v: program.constant(int(v[1:])) is None)
     return f"m_{name}({', '.join(operands)})"

@@ -28,8 +28,10 @@ typedef int64_t WU __attribute__((vector_size(8 * LANES), aligned(8), may_alias)
 typedef char BU __attribute__((vector_size(LANES), aligned(1), may_alias));
 #if defined(__GNUC__) && !defined(__clang__)
 #define UNOPTIMISED __attribute__((optimize("O0")))
+#define UNMIXED __attribute__((noinline, noclone))
 #else
 #define UNOPTIMISED
+#define UNMIXED __attribute__((noinline))
 #endif
 #define IN static inline __attribute__((always_inline))
 
@@ -84,10 +86,18 @@ IN F m_max(F a, F b) { return (a > b) | (a != a) ? a : b; }
 IN D m_max(D a, D b) { return (a > b) | (a != a) ? a : b; }
 IN F m_min(F a, F b) { return (a < b) | (a != a) ? a : b; }
 IN D m_min(D a, D b) { return (a < b) | (a != a) ? a : b; }
+// Of a bound, which is no NaN, and a number: one instruction, which gives the second where a comparison fails.
+IN F m_max_of(F bound, F x) { return bound > x ? bound : x; }
+IN D m_max_of(D bound, D x) { return bound > x ? bound : x; }
+IN F m_min_of(F bound, F x) { return bound < x ? bound : x; }
+IN D m_min_of(D bound, D x) { return bound < x ? bound : x; }
 IN I m_max(I a, I b) { return a > b ? a : b; }
 IN I m_min(I a, I b) { return a < b ? a : b; }
 IN F m_abs(F x) { return (F)((I)x & 0x7fffffff); }
 IN D m_abs(D x) { return (D)((W)x & 0x7fffffffffffffffll); }
+
+typedef uint32_t U __attribute__((vector_size(4 * LANES)));
+IN I m_ushr(I x, I k) { return (I)((U)x >> (U)k); }
 
 template <class V, int N> union Parts { V whole; decltype(V{}[0] + V{}[0]) each[N]; };
 
@@ -182,7 +192,7 @@ EACH(floor)
 EACH(ceil)
 EACH(trunc)
 
-#if BYTES == 64
+#if BYTES >= 32
 #include <immintrin.h>
 #endif
 #if BYTES == 64 && FAST && !WIDE
@@ -204,24 +214,60 @@ IN F m_inverse_root(F x) {
     const F s = (F)r + 0.5f * (F)r * (1 - x * (F)r * (F)r);
     return (F)_mm512_mask_mov_ps((__m512)s, _mm512_fpclass_ps_mask((__m512)x, 0x0e), r);
 }
+#elif BYTES == 32 && FAST && !WIDE
+// By an estimate of 12 bits. Quotients and roots alone take no longer than their estimates and steps.
+IN F quotient(F a, F b) { return a / b; }
+IN F m_sqrt(F x) { return (F)_mm256_sqrt_ps((__m256)x); }
+IN F m_inverse_root(F x) {
+    const F r = (F)_mm256_rsqrt_ps((__m256)x);
+    const F s = r + 0.5f * r * (1 - x * r * r);
+    // For zero and infinity the step gives NaN.
+    return (F)_mm256_blendv_ps((__m256)s, (__m256)r, _mm256_cmp_ps((__m256)s, (__m256)s, _CMP_UNORD_Q));
+}
 #else
 IN F quotient(F a, F b) { return a / b; }
 #if BYTES == 64 && !WIDE
 IN F m_sqrt(F x) { return (F)_mm512_sqrt_ps((__m512)x); }
-#elif BYTES == 64
+#elif BYTES == 64 || (BYTES == 32 && !WIDE)
 IN F m_sqrt(F x) { return (F)_mm256_sqrt_ps((__m256)x); }
+#elif BYTES == 32
+IN F m_sqrt(F x) { return (F)_mm_sqrt_ps((__m128)x); }
 #else
 IN F m_sqrt(F x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_sqrtf(x[i]); return x; }
 #endif
 #endif
 IN D quotient(D a, D b) { return a / b; }
-#if !(BYTES == 64 && FAST && !WIDE)
+#if FAST && !WIDE
+// Sine and cosine together: x less the nearest multiple of π / 2 in three parts, and polynomials (1 to 2 units in the last place).
+struct Turn { F sin, cos; };
+IN Turn turn(F x) {
+    const F y = x * 0x1.45f306p-1f, far = all_f(0x1.8p+23f);
+    const F n = (y + far) - far;
+    const I quadrant = __builtin_convertvector(n, I);
+    const F r = ((x - n * 0x1.92p+0f) - n * 0x1.fb4p-12f) - n * 0x1.4442d2p-24f, r2 = r * r;
+    const F s = r + r * r2 * (-0x1.555546p-3f + r2 * (0x1.11073cp-7f + r2 * -0x1.994ebp-13f));
+    const F c = 1 + r2 * (-0.5f + r2 * (0x1.55554ap-5f + r2 * (-0x1.6c0c1ep-10f + r2 * 0x1.99eb9cp-16f)));
+    const I odd = (quadrant & 1) != 0;
+    const F a = odd ? c : s, b = odd ? s : c;
+    Turn found{(F)((I)a ^ ((quadrant & 2) << 30)), (F)((I)b ^ (((quadrant + 1) & 2) << 30))};
+    const I large = !(m_abs(x) < 8192.0f);
+    for (int i = 0; i < LANES; i++) if (large[i]) { found.sin = m_sin(x); found.cos = m_cos(x); break; }
+    return found;
+}
+#endif
+#if !(BYTES >= 32 && FAST && !WIDE)
 IN F m_inverse_root(F x) { return 1 / m_sqrt(x); }
 #endif
 #if BYTES == 64
 IN D m_sqrt(D x) {
     union { D whole; __m512d part[sizeof(D) / 64]; } u{x};
     for (auto& p : u.part) p = _mm512_sqrt_pd(p);
+    return u.whole;
+}
+#elif BYTES == 32
+IN D m_sqrt(D x) {
+    union { D whole; __m256d part[sizeof(D) / 32]; } u{x};
+    for (auto& p : u.part) p = _mm256_sqrt_pd(p);
     return u.whole;
 }
 #else

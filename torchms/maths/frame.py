@@ -91,9 +91,21 @@ def normalized(v: Vec3) -> Vec3:
     )
 
 
+def plus(w: Vec3, d: Vec3) -> Vec3:
+    """w + d."""
+    return Vec3(w.x + d.x, w.y + d.y, w.z + d.z)
+
+
 def half_vector(w: Vec3, d: Vec3) -> Vec3:
     """(w + d) / |w + d|."""
-    return normalized(Vec3(w.x + d.x, w.y + d.y, w.z + d.z))
+    return normalized(plus(w, d))
+
+
+def cosine(w: Vec3, v: Vec3) -> Tensor:
+    """w · v / |v|: with the direction of `v`, which is +z, with a zero gradient, where it is too short to have one."""
+    length2 = dot(v, v)
+    ok = length2 > smallest(length2.dtype)
+    return torch.where(ok, dot(w, v) / torch.sqrt(torch.where(ok, length2, 1.0)), w.z)
 
 
 def reflect(w: Vec3, m: Vec3) -> Vec3:

@@ -38,6 +38,17 @@ def differentiated(*values: Tensor) -> bool:
     return any(forward_ad.unpack_dual(x).tangent is not None for x in values)
 
 
+def is_readable(x: Tensor) -> bool:
+    """Whether a Python number may be made of `x`: nobody traces, records or transforms what is done with it."""
+    return (
+        has_values(x)
+        and not torch.compiler.is_compiling()
+        and torch._C._len_torch_dispatch_stack() == 0
+        and torch._C._len_torch_function_stack() == 0
+        and torch._C._functorch.peek_interpreter_stack() is None
+    )
+
+
 def smallest(dtype: torch.dtype) -> float:
     """Smallest squared length (or radicand) that is treated as positive: far above denormals, far below any use."""
     return 1e-30 if dtype == torch.float32 else 1e-200

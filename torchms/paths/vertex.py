@@ -156,6 +156,6 @@ class OpaqueVertex(Vertex[None]):
         return super().value(w, d, normal, side)
 
 
-def reflection_density(distribution: MicrofacetDistribution, w: Vec3, h: Vec3) -> Tensor:
-    """Density D(h) / (4 a(w) |w_z|) of reflecting w about the visible normal h [Heitz2016]."""
-    return distribution.normal_density(h) / (4 * distribution.guarded_area(w))
+def reflection_density(distribution: MicrofacetDistribution, w: Vec3, v: Vec3) -> Tensor:
+    """Density D(h) / (4 a(w) |w_z|) of reflecting w about the visible normal h along v, of any length [Heitz2016]."""
+    return distribution.density_along(v) / (4 * distribution.guarded_area(w))

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.maths.frame import Vec3, dot, half_vector, mirrored, reflect, refract, select
+from torchms.maths.frame import Vec3, dot, mirrored, plus, reflect, refract, select
 from torchms.paths.refractive import Refractive, channel_mean
 from torchms.sampling.warps import cosine_hemisphere, uniform_hemisphere
 
@@ -65,7 +65,7 @@ class ReflectionProposal(Proposal):
         return torch.where((wi.z > 0) & (wo.z > 0), (1 - q) * single + q * wo.z / math.pi, 0.0)
 
     def _reflected(self, wi: Vec3, wo: Vec3) -> Tensor:
-        return self.distribution.reflecting_density(wi, half_vector(wi, wo))
+        return self.distribution.reflecting_density(wi, plus(wi, wo))
 
 
 @dataclass(frozen=True)
