@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 DOCS := .venv/.docs
 
-.PHONY: demo demo-fit test test-all node-test lab lab-check lab-picture coverage mutations bench pictures figures tables layered distil export docs lint clean
+.PHONY: demo demo-fit test test-all node-test lab lab-check lab-picture coverage mutations bench pictures figures tables layered distil export docs docs-check theory-figures lint clean
 
 $(STAMP): constraints.txt setup.cfg pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -57,8 +57,14 @@ distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the pac
 export: $(STAMP)  ## the set of ONNX files with its parity table
 	$(BIN)/python -m export
 
-docs: $(DOCS)  ## the API pages, build/docs/index.html; warnings are errors
+docs: $(DOCS)  ## the documentation, build/docs/index.html, with the lobe lab if `make lab` built it; warnings are errors
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs build/docs
+
+docs-check: docs  ## no broken link, no missing picture; in headless Chromium, if there is one: all pages load, the search works
+	$(BIN)/python -m tools.check_site build/docs
+
+theory-figures: $(STAMP)  ## the figures of the pages of the theory, docs/images/theory (a minute)
+	$(BIN)/python benchmarks/theory_figures.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,4 +1,9 @@
-"""Inverse rendering inside Mitsuba 3: base colour and roughness of a metal body under an environment map, as maps.
+"""Inverse rendering in Mitsuba
+============================
+
+Inverse rendering inside Mitsuba 3: base colour and roughness of a metal body under an environment map, as maps.
+
+::
 
     python examples/mitsuba_inverse.py --out maps.png
 
