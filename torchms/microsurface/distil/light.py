@@ -26,8 +26,6 @@ BATCHES, RAYS = 16, 8192
 """Roughnesses of one block, and paths of each."""
 LONGEST = 30
 """Most bounces that are followed."""
-KEPT = 0.1
-"""Share of the paths of one bounce that is kept: they are most of all, and the simplest."""
 MOST_BYTES = 1 << 28
 COLUMNS = ("ax", "ay", "wi", "wo", "order", "steep")
 
@@ -36,7 +34,7 @@ Made = Callable[[int], dict[str, np.ndarray]]
 
 
 class Light(NamedTuple):
-    """Paths that left: α_x and α_y (n), wi and wo (n, 3), order (n) int64, Σ (1 − c)⁵ (n), weight (n); paths begun."""
+    """Paths that left: α_x and α_y (n), wi and wo (n, 3), order (n) int64 and Σ (1 − c)⁵ (n)."""
 
     ax: Tensor
     ay: Tensor
@@ -44,8 +42,6 @@ class Light(NamedTuple):
     wo: Tensor
     order: Tensor
     steep: Tensor
-    weight: Tensor
-    begun: int
 
 
 def gaussian_block(alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
@@ -96,18 +92,16 @@ def made(folder: Path, numbers: Sequence[int], block: Made, threads: int, advanc
             advance(1)
 
 
-def loaded(folder: Path, count: int, seed: int) -> Light:
-    """The paths of the first `count` blocks in a random order; of one bounce only KEPT of them, which weigh more."""
+def loaded(folder: Path, count: int, most: int, seed: int) -> Light:
+    """Paths of the first `count` blocks in a random order: all, or `most` of them."""
     parts: list[dict[str, np.ndarray]] = []
-    begun = 0
+    share = min(1.0, most / (count * BATCHES * RAYS))
     for number in range(count):
         block = read_arrays(folder / f"light-{number:05d}.npz", MOST_BYTES)
-        order = block["order"]
-        begun += len(order)
-        u = draw((len(order),), 1, 1, generator=generator_for(seed + number)).flatten().numpy()
-        kept = (order > 1) | ((order == 1) & (u < KEPT))
+        u = draw((len(block["order"]),), 1, 1, generator=generator_for(seed + number)).flatten().numpy()
+        kept = (block["order"] > 0) & (u < share)
         parts.append({name: block[name][kept] for name in COLUMNS})
     columns = [torch.from_numpy(np.concatenate([part[name] for part in parts])) for name in COLUMNS]
     mixed = torch.randperm(len(columns[0]), generator=generator_for(seed))
     ax, ay, wi, wo, order, steep = (x[mixed] for x in columns)
-    return Light(ax, ay, wi, wo, order.long(), steep, torch.where(order == 1, 1 / KEPT, 1.0), begun)
+    return Light(ax, ay, wi, wo, order.long(), steep)

@@ -26,7 +26,7 @@ from torchms.storage.write import write_whole
 CHUNK = 8192
 POINTS = 1 << 15
 """Points of the integral that the matrix of a step is made from."""
-LOOKS = ((0.4, 1 << 18), (0.75, 1 << 20), (1.0, 1 << 22))
+LOOKS = ((0.5, 1 << 18), (0.8, 1 << 20), (1.0, 1 << 22))
 """Up to which share of the steps a step looks at so many paths and points; others in each."""
 TRIES = 6
 SMALLEST = 1e-6

@@ -12,7 +12,7 @@ from torch import Tensor
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.command import commit
-from torchms.approximations.distil.rows import Rows, drawn
+from torchms.approximations.distil.rows import Rows
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.free_features import free_features, free_features_of_one
 from torchms.approximations.surface_lobes import SurfaceLobes, of_smith
@@ -29,7 +29,6 @@ from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.surfaces.heightfield import Heightfield
 from torchms.microsurface.surfaces.synthesis import MAX_SLOPE_CHANGE
 from torchms.paths.mirror import Mirror
-from torchms.sampling.uniforms import generator_for
 from torchms.version import __version__
 
 ALPHA = (0.03, 1.0)
@@ -42,8 +41,8 @@ class Effort:
     """How much light, and how long it is learned from."""
 
     blocks: int = 64
-    points: int = 1 << 18
-    steps: int = 40
+    paths: int = 1 << 21
+    steps: int = 24
     widths: tuple[int, ...] = (16, 12)
     each: tuple[int, ...] = (8,)
     seed: int = 1
@@ -88,14 +87,13 @@ def distilled(
     wait_for_all(world)
     if rank > 0:
         return None
-    found = light.loaded(folder, effort.blocks, effort.seed)
+    found = light.loaded(folder, effort.blocks, effort.paths, effort.seed)
     subject = fit.Subject(
         partial(inputs_of, "Beckmann", functions=(free_features, free_features_of_one)),
         partial(smith_orders, first=tabulated),
     )
-    points = drawn("Beckmann", (0.1, 1.0), effort.points, generator_for(effort.seed + 5), (ax, ay))
     sizes = effort.widths, effort.each
-    (layers, skip), each = fit.learned(subject, found, points, sizes, effort.steps, effort.seed, folder)
+    (layers, skip), each = fit.learned(subject, found, sizes, effort.steps, effort.seed, folder)
     low, high = sorted((ax, ay))
     slopes = tabulated.mixture
     certificate = {
