@@ -25,7 +25,7 @@ LAYERS = (
     # What everything stands on.
     ("version", "typing", "lazy", "storage", "cli.progress"),
     ("maths", "machine"),
-    ("parameters.declared", "parameters.exchange", "parameters.maps"),
+    ("parameters.declared", "parameters.exchange", "parameters.maps", "slopes"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
     ("sampling.warps", "sampling.uniforms", "sampling.point_sets", "sampling.stream"),
