@@ -35,8 +35,6 @@ class Options:
     """Folder of blocks of light and of checkpoints."""
     blocks: int = 96
     """Tiles of a million texels, each with 131 072 paths."""
-    paths: int = 1 << 21
-    """How many of these are learned from."""
     steps: int = 24
     """Newton steps on the likelihood."""
     widths: tuple[int, ...] = (16, 12)
@@ -70,7 +68,7 @@ def main(options: Options) -> None:
 
 def finish(options: Options, told: dict[str, Any]) -> None:
     """Learn from the blocks, and write the file."""
-    found = light.loaded(options.work, options.blocks, options.paths, options.seed)
+    found = light.loaded(options.work, options.blocks, options.seed)
     subject = fit.Subject(partial(inputs_of, "Beckmann"), smith_orders)
     sizes = options.widths, options.each
     (layers, skip), each = fit.learned(subject, found, sizes, options.steps, options.seed, options.work)
@@ -80,7 +78,7 @@ def finish(options: Options, told: dict[str, Any]) -> None:
         "torch": torch.__version__,
         "commit": commit(),
         "options": {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()},
-        "paths": options.blocks * light.BATCHES * light.RAYS,
+        "paths": options.blocks * light.PATHS,
     }
     distillate = files.Distillate(
         "gaussian", "Beckmann", options.alpha, layers, skip, certificate, each, of_smith(beckmann())
@@ -94,7 +92,7 @@ def check(options: Options) -> None:
     low, high = options.alpha
     if not 0.03 <= low < high <= 1:
         raise ValueError(f"--alpha must be two numbers in [0.03, 1], the smaller one first; got {low:g} {high:g}.")
-    for name, least in {"blocks": 1, "paths": 4096, "steps": 1}.items():
+    for name, least in {"blocks": 1, "steps": 1}.items():
         if getattr(options, name) < least:
             raise ValueError(f"--{name} must be at least {least}; got {getattr(options, name)}.")
     if not 0 <= options.seed < 1 << 16:

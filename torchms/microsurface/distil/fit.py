@@ -17,7 +17,7 @@ from torchms.cli.progress import progress_bar
 from torchms.distributions import Beckmann
 from torchms.maths.frame import Vec3, join, split
 from torchms.microsurface.distil import likelihood
-from torchms.microsurface.distil.light import Light
+from torchms.microsurface.distil.light import RAYS, Light
 from torchms.microsurface.distil.networks import Correction, Folded
 from torchms.sampling.uniforms import draw, generator_for
 
@@ -28,6 +28,8 @@ OTHERS = 1 << 18
 OTHER_STEPS = 60
 TAIL = 0.003
 CHUNK = 8192
+POINTS = 128
+"""Directions out for each direction in, over which integrals are summed."""
 
 
 class Subject(NamedTuple):
@@ -46,16 +48,16 @@ def learned(
     folder: Path,
 ) -> tuple[Folded, Folded]:
     """Networks of the pair and of each direction, for features as they are."""
-    inputs = subject.inputs(Rows(light.ax, light.ay, light.wi, light.wo))
+    inputs, m = subject.inputs(light.rows), len(light.where.ax)
     model = Correction(*sizes, inputs)
-    urgent, n = torch.tensor(URGENT), len(light.order)
-    index = light.order.clamp_max(ORDERS) - 1
-    paths = likelihood.Paths(model.standardised(inputs), index, urgent[index] / n)
-    rows, inverse = answers(light, seed + 5)
-    smith = subject.smith(rows) * (urgent * inverse[:, None] / n)
-    points = likelihood.Points(model.standardised(subject.inputs(rows)), smith)
+    urgent, index = torch.tensor(URGENT), light.order.clamp_max(ORDERS) - 1
+    weight = light.weight * urgent[index] / (m * RAYS)
+    paths = likelihood.Paths(model.standardised(inputs), index, weight, light.first)
+    rows, inverse = answers(light.where, seed + 5)
+    smith = subject.smith(rows) * (urgent * inverse[:, None] / len(inverse))
+    points = likelihood.Points(model.standardised(subject.inputs(rows)), smith, POINTS)
     vector = model.initial(generator_for(seed + 1))
-    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{n}.npz"
+    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}.npz"
     with progress_bar("likelihood", steps) as advance:
         vector = likelihood.fitted(model, vector, paths, points, steps, seed + 2, kept, advance)
     with progress_bar("other outputs", OTHER_STEPS) as advance:
@@ -64,22 +66,23 @@ def learned(
     return joined(pair, model, others), each
 
 
-def answers(light: Light, seed: int) -> tuple[Rows, Tensor]:
-    """A direction out for each path of `light`, near where Smith's theory sends it, and 1 / its density (n).
+def answers(where: Rows, seed: int) -> tuple[Rows, Tensor]:
+    """POINTS directions out for each of these directions in, near where Smith's theory sends light, and 1 / their density.
 
-    Integrals are summed there: with as many paths from each direction as left, nothing is learned from how many there were.
+    Integrals are summed there, for the very directions that light came from: nothing is learned from how many there were.
     """
     found: list[list[Tensor]] = [[], []]
-    u = draw((len(light.order),), 1, 3, generator=generator_for(seed))[:, 0]
-    for some in torch.arange(len(light.order)).split(CHUNK):
-        proposal = MetalProposal(Beckmann(light.ax[some], light.ay[some]))
-        wi = split(light.wi[some])
+    u = draw(where.ax.shape, POINTS, 3, generator=generator_for(seed), sequence="sobol")
+    for some in torch.arange(len(where.ax)).split(CHUNK // POINTS):
+        proposal = MetalProposal(Beckmann(where.ax[some, None], where.ay[some, None]))
+        wi = split(where.wi[some, None])
         wo = proposal.sample(wi, u[some].unbind(-1))
         wo = Vec3(wo.x, wo.y, wo.z.clamp_min(LEAST_COSINE))
-        found[0].append(join(wo))
-        found[1].append(1 / proposal.density(wi, wo))
+        found[0].append(join(wo).flatten(0, 1))
+        found[1].append((1 / proposal.density(wi, wo)).flatten())
     wo, inverse = (torch.cat(column) for column in found)
-    return Rows(light.ax, light.ay, light.wi, wo), inverse
+    ax, ay, wi = (x.repeat_interleave(POINTS, 0) for x in (where.ax, where.ay, where.wi))
+    return Rows(ax, ay, wi, wo), inverse
 
 
 def other_outputs(

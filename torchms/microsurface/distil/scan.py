@@ -15,9 +15,9 @@ from torchms.approximations.distil.command import commit
 from torchms.approximations.distil.rows import Rows
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.free_features import free_features, free_features_of_one
-from torchms.approximations.surface_lobes import SurfaceLobes, of_smith
+from torchms.approximations.surface_lobes import SurfaceLobes, as_beckmann, of_smith
 from torchms.cli.progress import progress_bar
-from torchms.distributions import Beckmann, Tabulated
+from torchms.distributions import Tabulated
 from torchms.estimators import SingleBounce
 from torchms.fresnel import Ideal
 from torchms.maths.frame import Vec3, split
@@ -41,7 +41,6 @@ class Effort:
     """How much light, and how long it is learned from."""
 
     blocks: int = 64
-    paths: int = 1 << 21
     steps: int = 24
     widths: tuple[int, ...] = (16, 12)
     each: tuple[int, ...] = (8,)
@@ -87,7 +86,7 @@ def distilled(
     wait_for_all(world)
     if rank > 0:
         return None
-    found = light.loaded(folder, effort.blocks, effort.paths, effort.seed)
+    found = light.loaded(folder, effort.blocks, effort.seed)
     subject = fit.Subject(
         partial(inputs_of, "Beckmann", functions=(free_features, free_features_of_one)),
         partial(smith_orders, first=tabulated),
@@ -128,7 +127,7 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
             lambda number: caster, held_out.HALVES, cells, effort.held_out, effort.seed + 77, advance
         )
     lobes = SurfaceLobes(made)
-    facets, single = Beckmann(ax, ay), SingleBounce()
+    facets, single = as_beckmann(tabulated), SingleBounce()
 
     def rows_of(cell: held_out.Cell, wo: Tensor) -> Rows:
         wi = torch.from_numpy(cell.wi).float().expand_as(wo)
