@@ -114,6 +114,9 @@ COMPENSATIONS: dict[str, Callable[[int], Scattering]] = {
 DISTILLATES: dict[str, Callable[[int], Scattering]] = {"distilled": lambda max_order: Distilled()}
 """Learned sums over all bounces, of metal whose roughnesses lie within what they were learned for."""
 
+TRACED: dict[str, Callable[[int], Scattering]] = {"distilled-gaussian": lambda max_order: Distilled(surface="gaussian")}
+"""Learned from ray-traced surfaces: of metal with Beckmann's normals, not Smith's theory."""
+
 OTHERS: dict[str, Callable[[int], Scattering]] = {
     name: lambda max_order, c=cls: example(c, max_order=max_order)
     for name, cls in unnamed(Scattering).items()
@@ -121,7 +124,7 @@ OTHERS: dict[str, Callable[[int], Scattering]] = {
 }
 """Approximations without a line: `law_suite` knows what they must obey, the other tables what they should."""
 
-EVERY_SCATTERING = {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES, **OTHERS}
+EVERY_SCATTERING = {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES, **TRACED, **OTHERS}
 
 FRESNELS: dict[str, Callable[[], Fresnel]] = {
     "ideal": Ideal,
@@ -218,7 +221,7 @@ def surfaces() -> pytest.MarkDecorator:
         for m, s, d in itertools.product(ONE_OF_EACH, EVERY_SCATTERING, DISTRIBUTIONS)
         if serves(m, s, d, alphas_for(m, s))
     ]
-    quickest = {"single", *COMPENSATIONS, *DISTILLATES}
+    quickest = {"single", *COMPENSATIONS, *DISTILLATES, *TRACED}
     slow = [c for c in found if HEAVY & set(c) or (c[2] != next(iter(DISTRIBUTIONS)) and c[1] not in quickest)]
     return pytest.mark.parametrize(
         "material,scattering,distribution",

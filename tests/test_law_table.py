@@ -16,6 +16,7 @@ from cases import (
     MATERIALS,
     SCATTERINGS,
     SEGMENTS,
+    TRACED,
     unnamed,
 )
 
@@ -26,7 +27,7 @@ TESTS = Path(__file__).parent
 OBJECTS = {
     "distribution": set(DISTRIBUTIONS),
     "segment": set(SEGMENTS),
-    "scattering": {*SCATTERINGS, *COMPENSATIONS, *DISTILLATES},
+    "scattering": {*SCATTERINGS, *COMPENSATIONS, *DISTILLATES, *TRACED},
     "bsdf": {material.partition("[")[0] for material in MATERIALS},
     "fresnel": set(FRESNELS),
 }
@@ -72,6 +73,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_energy::test_walks_go_where_orders_say",
         "test_compensation::test_orders_walks_and_energies_agree",
         "test_distilled::test_orders_walks_and_energies_agree",
+        "test_surface_lobes::test_walks_carry_the_lobes",
     ],
     ("limit", "distribution"): [
         "test_distributions::test_equal_alphas_are_isotropic",
@@ -84,6 +86,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_limit::test_equal_alphas_are_isotropic",
         "test_compensation::test_first_order_is_the_single_bounce",
         "test_distilled::test_first_order_is_the_single_bounce",
+        "test_surface_lobes::test_equal_roughnesses_are_isotropic",
     ],
     ("symmetry", "distribution"): [
         "test_distributions::test_lambda_of_the_opposite_direction",
@@ -100,6 +103,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_compensation::test_kulla_conty_is_reciprocal = kulla-conty",
         "test_compensation::test_turquin_is_not = turquin",
         "test_distilled::test_reciprocity_and_the_symmetries_of_the_surface",
+        "test_surface_lobes::test_symmetries_of_the_surface",
     ],
     ("symmetry", "bsdf"): [
         "test_reciprocity::test_one_bounce_is_reciprocal",
@@ -113,6 +117,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_furnace::test_one_bounce_is_dark = single",
         "test_compensation::test_the_furnace_is_white",
         "test_distilled::test_the_furnace_is_white",
+        "test_surface_lobes::test_the_furnace_is_white",
     ],
     ("energy", "bsdf"): [
         "test_furnace::test_the_furnace_is_white",
@@ -133,6 +138,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_bidirectional::test_walks_go_where_it_says = bidirectional-uncorrelated",
         "test_compensation::test_orders_walks_and_energies_agree",
         "test_distilled::test_lobes_are_those_of_the_exact_model",
+        "test_surface_lobes::test_energies_are_those_of_the_traced_surface",
     ],
     ("agreement", "bsdf"): ["test_reference_energy::test_biased_models_conserve_energy"],
     ("gradient", "distribution"): [
@@ -153,6 +159,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_finite_everywhere::test_a_few_rows",
         "test_compensation::test_gradients_are_exact",
         "test_distilled::test_gradients_are_exact",
+        "test_surface_lobes::test_gradients_are_exact",
     ],
     ("gradient", "bsdf"): [
         "test_gradient::test_gradcheck_at_fixed_numbers",
@@ -173,6 +180,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_files::test_parity = single, correlated, height-walk",
         "test_files::test_parity_over_the_tables",
         "test_distilled_export::test_a_file_is_eager",
+        "test_distilled_export::test_a_file_of_traced_lobes_is_eager",
     ],
     ("export", "bsdf"): ["test_files::test_parity = conductor, dielectric, diffuse"],
 }

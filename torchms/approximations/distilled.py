@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from torchms.approximations import diffuse_lobes, glass_lobes, metal_features, metal_lobes, surface_lobes
+from torchms.approximations import diffuse_lobes, free_features, glass_lobes, metal_features, metal_lobes, surface_lobes
 from torchms.approximations import distilled_file as files
 from torchms.approximations.coordinates import ETA
 from torchms.approximations.diffuse_lobes import DiffuseLobes
@@ -20,6 +20,7 @@ from torchms.approximations.metal_sampling import MetalProposal
 from torchms.approximations.metal_walk import metal_walk
 from torchms.approximations.surface_lobes import SurfaceLobes
 from torchms.distributions.base import EllipticDistribution
+from torchms.distributions.tabulated import Tabulated
 from torchms.estimators.base import Exit, Scattering
 from torchms.estimators.single_bounce import SingleBounce
 from torchms.maths.frame import Vec3
@@ -42,6 +43,9 @@ NETWORKS = {
     "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
     "gaussian": files.Shape(
         metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, surface_lobes.ORDERS, SMITHS
+    ),
+    "scan": files.Shape(
+        free_features.FREE, surface_lobes.OUTPUTS, free_features.FREE_OF_ONE, surface_lobes.ORDERS, SMITHS, True
     ),
 }
 """What a file may be about. Glass takes both of the last."""
@@ -67,6 +71,7 @@ class Distilled(Scattering):
     table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
+    A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
     surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces of metal, Beckmann with α_x and α_y in [0.1, 1], in
     place of those of Smith's theory, which is off by up to 0.036 in single energies there: see docs/what_smith_misses.md.
     """
@@ -103,6 +108,7 @@ class Distilled(Scattering):
         for each in found:
             self._add(each, {(x.distribution, x.facet): x for x in found})
         self.single = SingleBounce()
+        self.measured = next((each.slopes for each in found if each.slopes is not None), None)
 
     def _add(self, each: files.Distillate, all_of_them: dict[tuple[str, str], files.Distillate]) -> None:
         """Lobes of one file; glass is added with the file of what it transmits."""
@@ -110,8 +116,8 @@ class Distilled(Scattering):
         low, high = each.alpha
         if each.facet == "metal":
             key, lobes = f"{each.distribution} metal", MetalLobes(each)
-        elif each.facet == "gaussian":
-            key, lobes = "Beckmann metal", SurfaceLobes(each)
+        elif each.facet in ("gaussian", "scan"):
+            key, lobes = f"{each.distribution} metal", SurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:
@@ -127,6 +133,13 @@ class Distilled(Scattering):
             low, high = max(low, other.alpha[0]), min(high, other.alpha[1])
         self.lobes[key], self.ranges[key] = lobes, (low, high)
 
+    @property
+    def slopes(self) -> Tabulated:
+        """Slopes of the surface that a file of `torchms distil` is about; ValueError for lobes of no one surface."""
+        if self.measured is None:
+            raise ValueError(f"Distilled.slopes: {', '.join(self.lobes)} is not about one surface. Name a file of one.")
+        return Tabulated(*self.measured)
+
     def n_uniforms(self, vertex: Vertex) -> int:
         if isinstance(vertex, Mirror):
             return 1 + vertex.n_uniforms + MetalProposal.n_uniforms
@@ -138,7 +151,7 @@ class Distilled(Scattering):
     def check(self, vertex: Vertex) -> None:
         kind = type(vertex.distribution).__name__
         key = self._key(vertex)
-        if key not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution):
+        if key not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution | Tabulated):
             raise ValueError(
                 f"Distilled(table=...) holds lobes of {', '.join(self.lobes)}; got {FACETS.get(type(vertex), 'facets')} "
                 f"with the distribution {kind}. {REMEDY}"

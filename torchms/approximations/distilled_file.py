@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.network import Layer
+from torchms.slopes.mixture import Mixture, checked
 from torchms.storage.archives import read_arrays, scalar, single
 from torchms.storage.write import write_whole
 
@@ -26,7 +27,7 @@ MOST_LAYERS = 8
 class Shape(NamedTuple):
     """Inputs and outputs of a facet's network, and those of that of one direction; 0 inputs if it has none.
 
-    smith: of Smith's networks, if they are in the file, too.
+    smith: of Smith's networks, if they are in the file, too. scan: whether slopes of a surface are.
     """
 
     inputs: int
@@ -34,6 +35,7 @@ class Shape(NamedTuple):
     of_one: int = 0
     outputs_of_one: int = 1
     smith: "Shape | None" = None
+    scan: bool = False
 
 
 Weights = tuple[list[Layer], Tensor]
@@ -57,7 +59,7 @@ class Distillate(NamedTuple):
     certificate: dict[str, Any]
     each: Weights | None = None
     smith: tuple[Weights, Weights] | None = None
-    slopes: Any = None
+    slopes: Mixture | None = None
 
 
 def write(path: str | Path, distillate: Distillate, force: bool = False) -> None:
@@ -77,6 +79,8 @@ def write(path: str | Path, distillate: Distillate, force: bool = False) -> None
         for k, (weight, offset) in enumerate(layers):
             content[f"{name}weight_{k}"] = weight.detach().float().numpy()
             content[f"{name}offset_{k}"] = offset.detach().float().numpy()
+    if distillate.slopes:
+        content |= {f"slopes_{name}": x for name, x in distillate.slopes._asdict().items()}
     file = io.BytesIO()
     np.savez_compressed(file, **content)
     write_whole(path, file.getvalue(), force)
@@ -119,7 +123,12 @@ def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
             _network(arrays, "smith_", s.inputs, s.outputs, path),
             _network(arrays, "smith_each_", s.of_one, s.outputs_of_one, path),
         )
-    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each, smith)
+    slopes = None
+    if shape.scan:
+        if any(f"slopes_{name}" not in arrays for name in Mixture._fields):
+            raise ValueError(f"{otherwise}: it lacks the slopes of its surface. {REMEDY}")
+        slopes = checked(*(arrays[f"slopes_{name}"] for name in Mixture._fields), name=f"{path.name}: slopes")
+    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each, smith, slopes)
 
 
 def _network(arrays: dict[str, np.ndarray], name: str, inputs: int, outputs: int, path: Path) -> Weights:

@@ -19,6 +19,7 @@ from torchms.approximations.network import Network, soft_sign
 from torchms.approximations.pair_features import root_sign
 from torchms.distributions.base import EllipticDistribution
 from torchms.distributions.beckmann import Beckmann
+from torchms.distributions.tabulated import Tabulated
 from torchms.fresnel.base import Fresnel
 from torchms.maths.frame import Vec3
 
@@ -57,7 +58,7 @@ class SurfaceLobes(nn.Module):
         self.smith, self.smith_each = Network(*smith), Network(*smith_each)
         self.network = Network(distillate.layers, distillate.skip, root_sign)
         self.each = Network(*distillate.each, root_sign)
-        self.facets = None if distillate.slopes is None else Beckmann(*distillate.slopes.alphas)
+        self.facets = None if distillate.slopes is None else as_beckmann(Tabulated(*distillate.slopes))
         """What further bounces, and directions to sample, start from on a scan; elsewhere the facets of the surface."""
 
     def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Corrected:
@@ -97,6 +98,11 @@ class SurfaceLobes(nn.Module):
         # Σ_{k ≥ 4} (1 − r) r^{k−4} F^k = F⁴ (1 − r) / (1 − r F).
         tail = square * square * ((1 - found.fall) / (1 - found.fall * F4))
         return [single * found.first, F2 * F2 * two, F3 * F3 * F3 * three, tail * more]
+
+
+def as_beckmann(tabulated: Tabulated) -> Beckmann:
+    """Beckmann with the same variances of slopes."""
+    return Beckmann(*(float(alpha) for alpha in tabulated.alphas))
 
 
 def of_smith(metal: Distillate) -> tuple[tuple[list, Tensor], tuple[list, Tensor]]:

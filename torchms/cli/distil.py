@@ -30,7 +30,7 @@ def run_distil(options: DistilOptions) -> None:
     surface = read(options)
     scan.check(surface, options.coarse)
     effort = scan.Effort(
-        blocks=-(-paths // (light.BATCHES * light.RAYS)),
+        blocks=-(-paths // light.PATHS),
         steps=options.steps,
         seed=options.seed,
         held_out=held_out // 2,

@@ -46,22 +46,12 @@ def surfaces(alpha: tuple[float, float], count: int, generator: torch.Generator)
     return Rows(ax, ay, wi, wi)
 
 
-def drawn(
-    kind: str,
-    alpha: tuple[float, float],
-    n: int,
-    generator: torch.Generator,
-    only: tuple[float, float] | None = None,
-) -> tuple[Rows, Tensor]:
+def drawn(kind: str, alpha: tuple[float, float], n: int, generator: torch.Generator) -> tuple[Rows, Tensor]:
     """`n` of them, OUTGOING for each direction of incidence, from the lobes that `Distilled` samples.
-
-    only: α_x and α_y, if all are of one surface.
 
     And cos² θ_o / density (n) [sr]: the mean over the wo of one wi of that times f² is the lobe's square, integrated.
     """
     where = surfaces(alpha, n // OUTGOING, generator)
-    if only is not None:
-        where = where._replace(ax=torch.full_like(where.ax, only[0]), ay=torch.full_like(where.ay, only[1]))
     u = draw((n // OUTGOING,), OUTGOING, 3, generator=generator, sequence="sobol").unbind(-1)
     distribution, wi = KINDS[kind](where.ax[:, None], where.ay[:, None]), split(where.wi[:, None])
     proposal = MetalProposal(distribution)

@@ -10,14 +10,12 @@ import torch
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.command import commit, run
-from torchms.approximations.distil.rows import drawn
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.surface_lobes import of_smith
 from torchms.cli.progress import progress_bar
 from torchms.microsurface.distil import fit, light
 from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
 from torchms.microsurface.distil.smith import beckmann, smith_orders
-from torchms.sampling.uniforms import generator_for
 from torchms.storage.write import check_writable
 from torchms.version import __version__
 
@@ -37,9 +35,7 @@ class Options:
     """Folder of blocks of light and of checkpoints."""
     blocks: int = 96
     """Tiles of a million texels, each with 131 072 paths."""
-    points: int = 1 << 19
-    """Pairs of directions that integrals are summed over."""
-    steps: int = 40
+    steps: int = 24
     """Newton steps on the likelihood."""
     widths: tuple[int, ...] = (16, 12)
     """Units of the hidden layers; cost and accuracy follow them."""
@@ -74,16 +70,15 @@ def finish(options: Options, told: dict[str, Any]) -> None:
     """Learn from the blocks, and write the file."""
     found = light.loaded(options.work, options.blocks, options.seed)
     subject = fit.Subject(partial(inputs_of, "Beckmann"), smith_orders)
-    points = drawn("Beckmann", options.alpha, options.points, generator_for(options.seed + 5))
     sizes = options.widths, options.each
-    (layers, skip), each = fit.learned(subject, found, points, sizes, options.steps, options.seed, options.work)
+    (layers, skip), each = fit.learned(subject, found, sizes, options.steps, options.seed, options.work)
     certificate = {
         "command": command(options),
         "torchms": __version__,
         "torch": torch.__version__,
         "commit": commit(),
         "options": {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()},
-        "paths": found.begun,
+        "paths": options.blocks * light.PATHS,
     }
     distillate = files.Distillate(
         "gaussian", "Beckmann", options.alpha, layers, skip, certificate, each, of_smith(beckmann())
@@ -97,7 +92,7 @@ def check(options: Options) -> None:
     low, high = options.alpha
     if not 0.03 <= low < high <= 1:
         raise ValueError(f"--alpha must be two numbers in [0.03, 1], the smaller one first; got {low:g} {high:g}.")
-    for name, least in {"blocks": 1, "points": 4096, "steps": 1}.items():
+    for name, least in {"blocks": 1, "steps": 1}.items():
         if getattr(options, name) < least:
             raise ValueError(f"--{name} must be at least {least}; got {getattr(options, name)}.")
     if not 0 <= options.seed < 1 << 16:

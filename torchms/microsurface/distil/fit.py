@@ -7,16 +7,19 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.approximations.distil.rows import Rows
+from torchms.approximations.distil.rows import LEAST_COSINE, Rows
 from torchms.approximations.distil.weights import Inputs
 from torchms.approximations.metal_lobes import MOST_FALL
+from torchms.approximations.metal_sampling import MetalProposal
 from torchms.approximations.network import Layer, soft_sign
 from torchms.approximations.surface_lobes import ORDERS, OUTPUTS
 from torchms.cli.progress import progress_bar
+from torchms.distributions import Beckmann
+from torchms.maths.frame import Vec3, join, split
 from torchms.microsurface.distil import likelihood
-from torchms.microsurface.distil.light import Light
+from torchms.microsurface.distil.light import RAYS, Light
 from torchms.microsurface.distil.networks import Correction, Folded
-from torchms.sampling.uniforms import generator_for
+from torchms.sampling.uniforms import draw, generator_for
 
 URGENT = (1.0, 1.0, 2.0, 4.0)
 """Weights of the orders' likelihoods: the rare ones would hardly be heard."""
@@ -24,6 +27,9 @@ OTHERS = 1 << 18
 """Paths that the other outputs are fitted to."""
 OTHER_STEPS = 60
 TAIL = 0.003
+CHUNK = 8192
+POINTS = 128
+"""Directions out for each direction in, over which integrals are summed."""
 
 
 class Subject(NamedTuple):
@@ -36,36 +42,47 @@ class Subject(NamedTuple):
 def learned(
     subject: Subject,
     light: Light,
-    points: tuple[Rows, Tensor],
     sizes: tuple[Sequence[int], Sequence[int]],
     steps: int,
     seed: int,
     folder: Path,
 ) -> tuple[Folded, Folded]:
-    """Networks of the pair and of each direction, for features as they are.
-
-    points: where integrals are summed, and cos² θ_o / density of each, see `rows.drawn`.
-    """
-    rows, share = points
-    inputs = subject.inputs(Rows(light.ax, light.ay, light.wi, light.wo))
+    """Networks of the pair and of each direction, for features as they are."""
+    inputs, m = subject.inputs(light.rows), len(light.where.ax)
     model = Correction(*sizes, inputs)
-    urgent = torch.tensor(URGENT)
-    index = light.order.clamp_max(ORDERS) - 1
-    paths = likelihood.Paths(model.standardised(inputs), index, light.weight * urgent[index] / light.begun)
-    # share is for squares of lobes, cos² θ_o / density; here what leaves counts once, f cos θ_o / density.
-    smith = subject.smith(rows) * (share / rows.wo[:, 2] ** 2 / len(share))[:, None]
-    mixed = torch.randperm(len(share), generator=generator_for(seed))
-    where = model.standardised(subject.inputs(rows))
-    summed = likelihood.Points(Inputs(*(x[mixed] for x in where)), smith[mixed] * urgent)
+    urgent, index = torch.tensor(URGENT), light.order.clamp_max(ORDERS) - 1
+    weight = light.weight * urgent[index] / (m * RAYS)
+    paths = likelihood.Paths(model.standardised(inputs), index, weight, light.first)
+    rows, inverse = answers(light.where, seed + 5)
+    smith = subject.smith(rows) * (urgent * inverse[:, None] / len(inverse))
+    points = likelihood.Points(model.standardised(subject.inputs(rows)), smith, POINTS)
     vector = model.initial(generator_for(seed + 1))
-    name = "-".join("x".join(map(str, widths)) for widths in sizes)
-    kept = folder / f"likelihood-{name}-{light.begun}-{len(share)}.npz"
+    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}.npz"
     with progress_bar("likelihood", steps) as advance:
-        vector = likelihood.fitted(model, vector, paths, summed, steps, seed + 2, kept, advance)
+        vector = likelihood.fitted(model, vector, paths, points, steps, seed + 2, kept, advance)
     with progress_bar("other outputs", OTHER_STEPS) as advance:
         others = other_outputs(model, vector, paths.inputs, light, advance)
     pair, each = model.folded(vector)
     return joined(pair, model, others), each
+
+
+def answers(where: Rows, seed: int) -> tuple[Rows, Tensor]:
+    """POINTS directions out for each of these directions in, near where Smith's theory sends light, and 1 / their density.
+
+    Integrals are summed there, for the very directions that light came from: nothing is learned from how many there were.
+    """
+    found: list[list[Tensor]] = [[], []]
+    u = draw(where.ax.shape, POINTS, 3, generator=generator_for(seed), sequence="sobol")
+    for some in torch.arange(len(where.ax)).split(CHUNK // POINTS):
+        proposal = MetalProposal(Beckmann(where.ax[some, None], where.ay[some, None]))
+        wi = split(where.wi[some, None])
+        wo = proposal.sample(wi, u[some].unbind(-1))
+        wo = Vec3(wo.x, wo.y, wo.z.clamp_min(LEAST_COSINE))
+        found[0].append(join(wo).flatten(0, 1))
+        found[1].append((1 / proposal.density(wi, wo)).flatten())
+    wo, inverse = (torch.cat(column) for column in found)
+    ax, ay, wi = (x.repeat_interleave(POINTS, 0) for x in (where.ax, where.ay, where.wi))
+    return Rows(ax, ay, wi, wo), inverse
 
 
 def other_outputs(

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from torchms.approximations.distil.rows import surfaces
+from torchms.approximations.distil.rows import Rows, surfaces
 from torchms.evaluation.workers import Workers
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
@@ -22,12 +22,14 @@ from torchms.storage.write import write_whole
 
 SIZE = 1024
 """Texels along each edge of a Gaussian tile, 16 a correlation length."""
-BATCHES, RAYS = 16, 8192
-"""Roughnesses of one block, and paths of each."""
+BATCHES, DIRECTIONS, RAYS = 16, 4, 2048
+"""Roughnesses of one block, directions of incidence of each, and paths of each of those."""
+PATHS = BATCHES * DIRECTIONS * RAYS
+"""Paths of a block."""
 LONGEST = 30
 """Most bounces that are followed."""
 KEPT = 0.1
-"""Share of the paths of one bounce that is kept: they are most of all, and the simplest."""
+"""Share of the paths of one bounce that are kept; they stand for all of that direction."""
 MOST_BYTES = 1 << 28
 COLUMNS = ("ax", "ay", "wi", "wo", "order", "steep")
 
@@ -36,48 +38,53 @@ Made = Callable[[int], dict[str, np.ndarray]]
 
 
 class Light(NamedTuple):
-    """Paths that left: α_x and α_y (n), wi and wo (n, 3), order (n) int64, Σ (1 − c)⁵ (n), weight (n); paths begun."""
+    """Paths that left, direction by direction.
 
-    ax: Tensor
-    ay: Tensor
-    wi: Tensor
-    wo: Tensor
+    where: the directions (m), wo is left at wi. first: (m + 1) where the paths of each begin. rows: the paths (n).
+    order: (n) int64. steep: Σ (1 − c)⁵ (n). weight: paths (n) that each stands for, of RAYS a direction.
+    """
+
+    where: Rows
+    first: Tensor
+    rows: Rows
     order: Tensor
     steep: Tensor
     weight: Tensor
-    begun: int
 
 
 def gaussian_block(alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
-    """Light on one Gaussian tile that is stretched to BATCHES roughnesses; every path has a direction of its own."""
+    """Light on one Gaussian tile that is stretched to BATCHES roughnesses."""
     caster = GridTracer().bind(Grid.of(Heightfield.gaussian(1.0, size=SIZE, seed=seed * 1000 + number)))
-    where = surfaces(alpha, BATCHES * RAYS, generator_for(seed * 1_000_003 + number))
+    where = surfaces(alpha, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number))
     parts = []
     for k in range(BATCHES):
-        ax, ay = float(where.ax[k]), float(where.ay[k])
-        parts.append(_traced(stretched(caster, ax, ay), (ax, ay), where.wi[k * RAYS : (k + 1) * RAYS], (number, k)))
+        some = slice(k * DIRECTIONS, (k + 1) * DIRECTIONS)
+        ax, ay = float(where.ax[some][0]), float(where.ay[some][0])
+        parts.append(_traced(stretched(caster, ax, ay), (ax, ay), where.wi[some], (number, k)))
     return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
 
 
 def surface_block(caster: GridCaster, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
     """Light on one explicit surface."""
-    wi = surfaces((0.1, 1.0), BATCHES * RAYS, generator_for(seed * 1_000_003 + number)).wi
+    wi = surfaces((0.1, 1.0), BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number)).wi
     return _traced(caster, alpha, wi, (seed, number))
 
 
 def _traced(caster: GridCaster, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]) -> dict[str, np.ndarray]:
+    """RAYS paths from each direction, one after the other; in turns, so that each is all over the tile."""
     unit = wi.double().numpy()
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
-    found = exits(caster, MirrorFacets(), unit, np.array(key, dtype=np.uint32), LONGEST)
-    ax, ay = (np.full(len(unit), a, dtype=np.float32) for a in alpha)
-    return {
-        "ax": ax,
-        "ay": ay,
-        "wi": unit.astype(np.float32),
-        "wo": found.wo,
-        "order": found.order,
-        "steep": found.steep,
-    }
+    found = exits(caster, MirrorFacets(), np.tile(unit, (RAYS, 1)), np.array(key, dtype=np.uint32), LONGEST)
+    n = len(unit)
+    sorted_by = np.arange(n * RAYS).reshape(RAYS, n).T.ravel()
+    ax, ay = (np.full(n * RAYS, a, dtype=np.float32) for a in alpha)
+    columns = (
+        ax,
+        ay,
+        np.repeat(unit.astype(np.float32), RAYS, 0),
+        *(x[sorted_by] for x in (found.wo, found.order, found.steep)),
+    )
+    return dict(zip(COLUMNS, columns, strict=True))
 
 
 def made(folder: Path, numbers: Sequence[int], block: Made, threads: int, advance: Callable[[int], None]) -> None:
@@ -97,17 +104,22 @@ def made(folder: Path, numbers: Sequence[int], block: Made, threads: int, advanc
 
 
 def loaded(folder: Path, count: int, seed: int) -> Light:
-    """The paths of the first `count` blocks in a random order; of one bounce only KEPT of them, which weigh more."""
+    """The paths of the first `count` blocks; of one bounce only KEPT of them, which weigh as much as all."""
     parts: list[dict[str, np.ndarray]] = []
-    begun = 0
     for number in range(count):
         block = read_arrays(folder / f"light-{number:05d}.npz", MOST_BYTES)
-        order = block["order"]
-        begun += len(order)
-        u = draw((len(order),), 1, 1, generator=generator_for(seed + number)).flatten().numpy()
-        kept = (order > 1) | ((order == 1) & (u < KEPT))
-        parts.append({name: block[name][kept] for name in COLUMNS})
-    columns = [torch.from_numpy(np.concatenate([part[name] for part in parts])) for name in COLUMNS]
-    mixed = torch.randperm(len(columns[0]), generator=generator_for(seed))
-    ax, ay, wi, wo, order, steep = (x[mixed] for x in columns)
-    return Light(ax, ay, wi, wo, order.long(), steep, torch.where(order == 1, 1 / KEPT, 1.0), begun)
+        order = block["order"].reshape(-1, RAYS)
+        u = draw(order.shape[:1], RAYS, 1, generator=generator_for(seed + number))[..., 0].numpy()
+        once = order == 1
+        kept = (order > 1) | (once & (u < KEPT))
+        weight = once.sum(1, keepdims=True) / np.maximum((once & kept).sum(1, keepdims=True), 1)
+        block["weight"] = np.where(once, weight, 1.0).astype(np.float32).ravel()
+        chosen = kept.ravel()
+        part = {name: block[name][chosen] for name in (*COLUMNS, "weight")}
+        part |= {f"{name} there": block[name][::RAYS] for name in ("ax", "ay", "wi")}
+        parts.append(part | {"kept": kept.sum(1)})
+    ax, ay, wi, wo, order, steep, weight, ax0, ay0, wi0, kept = (
+        torch.from_numpy(np.concatenate([part[name] for part in parts])) for name in parts[0]
+    )
+    first = torch.cat([torch.zeros(1, dtype=torch.int64), kept.cumsum(0)])
+    return Light(Rows(ax0, ay0, wi0, wi0), first, Rows(ax, ay, wi, wo), order.long(), steep, weight)

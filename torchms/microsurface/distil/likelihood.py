@@ -26,41 +26,49 @@ from torchms.storage.write import write_whole
 CHUNK = 8192
 POINTS = 1 << 15
 """Points of the integral that the matrix of a step is made from."""
-LOOKS = ((0.4, 1 << 18), (0.75, 1 << 20), (1.0, 1 << 22))
-"""Up to which share of the steps a step looks at so many paths and points; others in each."""
+LOOKS = ((0.5, 1 / 8), (0.8, 1 / 2), (1.0, 1.0))
+"""Up to which share of the steps a step looks at which share of the directions; others in each."""
 TRIES = 6
 SMALLEST = 1e-6
 
 
 class Paths(NamedTuple):
-    """Standardised features of paths in a random order, index of their order (n), and weights that sum to their energy."""
+    """Standardised features of paths, direction by direction; index of their order (n); weights that sum to their energy.
+
+    first: (m + 1) where the paths of each direction begin.
+    """
 
     inputs: Inputs
     index: Tensor
     weight: Tensor
+    first: Tensor
 
-    def some(self, count: int, step: int) -> "Paths":
-        """`count` of them, others in each step, with the weights of all."""
-        rows, count = _turn(len(self.index), count, step)
-        return Paths(self.inputs.part(rows), self.index[rows], self.weight[rows] * (len(self.index) / count))
+    def part(self, begin: int, end: int) -> "Paths":
+        """Those of the directions `begin` … `end` − 1, with the weights of all."""
+        rows = slice(int(self.first[begin]), int(self.first[end]))
+        more = (len(self.first) - 1) / (end - begin)
+        return Paths(self.inputs.part(rows), self.index[rows], self.weight[rows] * more, self.first)
 
 
 class Points(NamedTuple):
-    """Standardised features where the integral is summed, and Smith's λ_k times the points' shares (n, ORDERS)."""
+    """Standardised features where the integral is summed, `each` a direction; Smith's λ_k times their shares (n, ORDERS)."""
 
     inputs: Inputs
     smith: Tensor
+    each: int
 
-    def some(self, count: int, step: int) -> "Points":
-        """`count` of them, others in each step, with the shares of all."""
-        rows, count = _turn(len(self.smith), count, step)
-        return Points(self.inputs.part(rows), self.smith[rows] * (len(self.smith) / count))
+    def part(self, begin: int, end: int) -> "Points":
+        """Those of the directions `begin` … `end` − 1, with the shares of all."""
+        rows = slice(begin * self.each, end * self.each)
+        more = len(self.smith) / (self.each * (end - begin))
+        return Points(self.inputs.part(rows), self.smith[rows] * more, self.each)
 
 
-def _turn(length: int, count: int, step: int) -> tuple[slice, int]:
-    count = min(count, length)
-    first = (step % (length // count)) * count
-    return slice(first, first + count), count
+def turn(length: int, share: float, step: int) -> tuple[int, int]:
+    """Which `share` of `length` directions a step looks at."""
+    count = max(1, round(length * share))
+    begin = (step % (length // count)) * count
+    return begin, begin + count
 
 
 def value(model: Correction, vector: Tensor, paths: Paths, points: Points) -> float:
@@ -122,8 +130,9 @@ def fitted(
         vector, damping, first = torch.from_numpy(kept["vector"]), float(kept["damping"]), int(kept["step"])
     advance(min(first, steps))
     for step in range(first, steps):
-        count = next(n for share, n in LOOKS if step < share * steps)
-        some, where = paths.some(count, step), points.some(count, step)
+        share = next(share for until, share in LOOKS if step < until * steps)
+        begin, end = turn(len(paths.first) - 1, share, step)
+        some, where = paths.part(begin, end), points.part(begin, end)
         least, gradient = slope(model, vector, some, where)
         curved = matrix(model, vector, points, seed + step)
         diagonal = torch.diag(curved.diagonal() + 1e-7 * curved.diagonal().max())

@@ -12,12 +12,12 @@ from torch import Tensor
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.command import commit
-from torchms.approximations.distil.rows import Rows, drawn
+from torchms.approximations.distil.rows import Rows
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.free_features import free_features, free_features_of_one
-from torchms.approximations.surface_lobes import SurfaceLobes, of_smith
+from torchms.approximations.surface_lobes import SurfaceLobes, as_beckmann, of_smith
 from torchms.cli.progress import progress_bar
-from torchms.distributions import Beckmann, Tabulated
+from torchms.distributions import Tabulated
 from torchms.estimators import SingleBounce
 from torchms.fresnel import Ideal
 from torchms.maths.frame import Vec3, split
@@ -29,7 +29,6 @@ from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.surfaces.heightfield import Heightfield
 from torchms.microsurface.surfaces.synthesis import MAX_SLOPE_CHANGE
 from torchms.paths.mirror import Mirror
-from torchms.sampling.uniforms import generator_for
 from torchms.version import __version__
 
 ALPHA = (0.03, 1.0)
@@ -42,8 +41,7 @@ class Effort:
     """How much light, and how long it is learned from."""
 
     blocks: int = 64
-    points: int = 1 << 18
-    steps: int = 40
+    steps: int = 24
     widths: tuple[int, ...] = (16, 12)
     each: tuple[int, ...] = (8,)
     seed: int = 1
@@ -93,9 +91,8 @@ def distilled(
         partial(inputs_of, "Beckmann", functions=(free_features, free_features_of_one)),
         partial(smith_orders, first=tabulated),
     )
-    points = drawn("Beckmann", (0.1, 1.0), effort.points, generator_for(effort.seed + 5), (ax, ay))
     sizes = effort.widths, effort.each
-    (layers, skip), each = fit.learned(subject, found, points, sizes, effort.steps, effort.seed, folder)
+    (layers, skip), each = fit.learned(subject, found, sizes, effort.steps, effort.seed, folder)
     low, high = sorted((ax, ay))
     slopes = tabulated.mixture
     certificate = {
@@ -130,7 +127,7 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
             lambda number: caster, held_out.HALVES, cells, effort.held_out, effort.seed + 77, advance
         )
     lobes = SurfaceLobes(made)
-    facets, single = Beckmann(ax, ay), SingleBounce()
+    facets, single = as_beckmann(tabulated), SingleBounce()
 
     def rows_of(cell: held_out.Cell, wo: Tensor) -> Rows:
         wi = torch.from_numpy(cell.wi).float().expand_as(wo)
