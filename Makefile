@@ -32,7 +32,8 @@ test: $(STAMP)  ## the suite without the slow checks
 test-all: $(STAMP)  ## the whole suite
 	$(PYTEST) -n 2
 
-pictures: $(STAMP)  ## the pictures of the README: two furnaces, gold and glass (about three minutes)
+pictures: $(STAMP)  ## the picture at the head of the README; two furnaces, gold and glass for the docs (about five minutes)
+	$(BIN)/python -m tools.hero docs/images/hero.png
 	$(BIN)/python -m tools.pictures docs/images
 
 demo-fit: $(STAMP)  ## inverse rendering of gold and glass, with all bounces and with one; docs/images/fit.png
