@@ -11,6 +11,7 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from configparser import ConfigParser
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ import torch
 import tyro
 
 from torchms.cli.commands import COMMANDS, main
+from torchms.mitsuba import find_llvm
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -29,6 +31,7 @@ PAGES = {
     if "gallery" not in page.relative_to(DOCS).parts
 }
 SLOW = {
+    "compiled.md": "machine code",
     "howto/add_distribution.md": "a suite of laws",
     "howto/checkpoints.md": "a simulation",
     "howto/compile.md": "machine code of seven programs",
@@ -63,16 +66,16 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run_python(page: str) -> dict[str, Any]:
-    """The names that the Python of a page leaves."""
-    if "mitsuba" in page:
-        pytest.importorskip("mitsuba", reason='needs Mitsuba 3: pip install "torchms[mitsuba]"')
-        if "llvm" in "".join(blocks(PAGES[page], "python")):
-            from torchms.mitsuba import find_llvm
-
-            if find_llvm() is None:
-                pytest.skip("needs an LLVM of version 17 or later (Debian: libllvm19)")
+    """The names that the Python of a page leaves; what sets a variant of Mitsuba runs in a process of its own."""
     names: dict[str, Any] = {"__name__": "page"}
-    for code in blocks(PAGES[page], "python"):
+    codes = blocks(PAGES[page], "python")
+    if any("import mitsuba as mi" in code for code in codes):
+        pytest.importorskip("mitsuba", reason='needs Mitsuba 3: pip install "torchms[mitsuba]"')
+        if find_llvm() is None and any('"llvm_ad_rgb")\n' in code for code in codes):
+            pytest.skip("needs an LLVM of version 17 or later (Debian: libllvm19)")
+        subprocess.run([sys.executable, "-c", "".join(codes)], cwd=ROOT, check=True, timeout=300)
+        return names
+    for code in codes:
         exec(compile(code, page, "exec"), names)
     return names
 
