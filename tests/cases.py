@@ -34,6 +34,7 @@ from torchms import (
     Segment,
     SingleBounce,
     Stream,
+    Tabulated,
     Turquin,
     Uncorrelated,
     Unidirectional,
@@ -71,12 +72,20 @@ def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
     return GTR(inside, 1 + 2 * alpha_y)
 
 
+def tabulated(alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> Tabulated:
+    """Slopes of three peaks, skewed and leaning, of rms 1 / √2 along x and y before they are scaled by the α."""
+    weights, means = [0.5, 0.3, 0.2], [[0.24, 0.34], [-0.4, -0.1], [0.0, -0.7]]
+    covariances = [[[0.3, 0.2], [0.2, 0.25]], [[0.9, -0.3], [-0.3, 0.8]], [[0.05, 0.0], [0.0, 0.1]]]
+    return Tabulated(weights, means, covariances, alpha, alpha_y)
+
+
 ELLIPTIC: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
 """Those with α_x and α_y, which the reference tables and other renderers have as well."""
 
 DISTRIBUTIONS: dict[str, Callable[..., MicrofacetDistribution]] = {
     **ELLIPTIC,
     "gtr": gtr,
+    "tabulated": tabulated,
     **{
         name: lambda alpha, alpha_y=0.25, c=cls: example(c, alpha, alpha_y)
         for name, cls in unnamed(MicrofacetDistribution).items()
@@ -181,11 +190,14 @@ def serves(material: str, scattering: str, distribution: str = "ggx", alpha: tup
     return True
 
 
-HEAVY = {"gtr", "bidirectional-uncorrelated"}
+HEAVY = {"gtr", "tabulated", "bidirectional-uncorrelated"}
 """What is integrated numerically, or costly and made of parts that others test: its laws over tables are slow tests.
 
-GTR has quick ones of its own, tests/unit/distributions/test_gtr.py.
+GTR and Tabulated have quick ones of their own, tests/unit/distributions/test_gtr.py and test_tabulated.py.
 """
+
+CHOOSING = {"tabulated"}
+"""Distributions whose visible normals follow a choice, which jumps at fixed random numbers: gradients are those of the mean."""
 
 
 def slow_if_heavy(key: Any) -> list[pytest.MarkDecorator]:

@@ -46,7 +46,7 @@ EXCUSED = {("limit", "distribution"): {*unnamed(torchms.MicrofacetDistribution)}
 """Cells with objects to which the law does not apply: which parameters are roughnesses is said in a line of `cases`."""
 
 SLOW = {
-    ("export", "distribution"): {"gtr", *unnamed(torchms.MicrofacetDistribution)},
+    ("export", "distribution"): {"gtr", "tabulated", *unnamed(torchms.MicrofacetDistribution)},
     ("gradient", "fresnel"): {*unnamed(torchms.fresnel.Fresnel)},
     ("export", "scattering"): {name for name in SCATTERINGS if name.startswith("bidirectional")},
 }
@@ -57,10 +57,12 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_distributions::test_projected_normals_cover_the_surface",
         "test_distributions::test_visible_normals_are_a_density",
         "test_law_suite::test_distributions_obey",
+        "test_tabulated::test_obeys = tabulated",
         "test_gtr::test_visible_normals_have_their_density = gtr",
     ],
     ("normalisation", "bsdf"): ["test_density::test_pdf_is_normalised_and_sample_follows_it"],
     ("chi²", "distribution"): [
+        "test_tabulated::test_obeys = tabulated",
         "test_law_suite::test_distributions_obey",
         "test_distributions::test_visible_normals_have_their_density",
         "test_gtr::test_visible_normals_have_their_density = gtr",
@@ -79,6 +81,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_distributions::test_equal_alphas_are_isotropic",
         "test_limit::test_equal_alphas_are_isotropic",
         "test_gtr::test_gamma_2_is_ggx = gtr",
+        "test_tabulated::test_one_component_is_beckmann = tabulated",
     ],
     ("limit", "segment"): ["test_segment::test_one_bounce_is_G2"],
     ("limit", "scattering"): [
@@ -92,6 +95,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_distributions::test_lambda_of_the_opposite_direction",
         "test_law_suite::test_distributions_obey",
         "test_properties::test_gtr_over_its_range = gtr",
+        "test_tabulated::test_obeys = tabulated",
     ],
     ("symmetry", "segment"): [
         "test_segment::test_reversed_path",
@@ -128,6 +132,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_law_suite::test_distributions_obey",
         "test_distributions_mitsuba::test_density_of_normals = ggx, beckmann",
         "test_gtr::test_lambda_is_its_integral = gtr",
+        "test_tabulated::test_obeys = tabulated",
     ],
     ("agreement", "segment"): ["test_path_integral::test_second_order_is_the_integral"],
     ("agreement", "scattering"): [
@@ -147,6 +152,8 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_finite_everywhere::test_a_few_rows",
         "test_gtr::test_gradients = gtr",
         "test_gtr::test_value_and_gradient_are_finite_everywhere = gtr",
+        "test_tabulated::test_gradients = tabulated",
+        "test_tabulated::test_the_mean_gradient_of_samples_is_that_of_the_mean = tabulated",
     ],
     ("gradient", "segment"): [
         "test_law_suite::test_segments_obey",
@@ -224,7 +231,7 @@ def test_the_law_holds_for_every_object(law, column):
     missing = objects - {key for key, _ in cases}
     assert not missing, f"nothing holds {missing} to the law of {law}: see tests/cases.py"
     only_slow = objects - {key for key, slow in cases if not slow} - SLOW.get((law, column), set())
-    assert only_slow <= HEAVY - {"gtr"}, f"only slow tests hold {only_slow} to the law of {law}"
+    assert only_slow <= HEAVY - set(DISTRIBUTIONS), f"only slow tests hold {only_slow} to the law of {law}"
 
 
 @pytest.mark.parametrize("entry", sorted({entry for entries in LAWS.values() for entry in entries}))

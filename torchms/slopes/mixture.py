@@ -17,7 +17,9 @@ STILL = 1e-7
 MOST = 256
 """Components that a mixture may have."""
 LEAST_VARIANCE, MOST_VARIANCE = 0.5e-6, 450.0
-RANGE = "variances in [5e-7, 450] along every direction, which is alpha in [1e-3, 30]"
+"""Of slopes along any direction: α in [1e-3, 30]."""
+MOST_OF_A_TAIL = 1e6
+"""Variance of a component, which may stand for a few facets that are all but upright."""
 GOLDEN = math.pi * (3 - math.sqrt(5))
 
 
@@ -44,8 +46,11 @@ def checked(weights: Any, means: Any, covariances: Any, name: str) -> Mixture:
     if np.abs(c - c.swapaxes(1, 2)).max() > 1e-6 * np.abs(c).max():
         raise ValueError(f"{name}(covariances=...) must be symmetric.")
     variances = np.linalg.eigvalsh(c)
-    if variances.min() < LEAST_VARIANCE or variances.max() > MOST_VARIANCE:
-        raise ValueError(f"{name}(covariances=...) must have {RANGE}; got {variances.min():g} to {variances.max():g}.")
+    if variances.min() < LEAST_VARIANCE or variances.max() > MOST_OF_A_TAIL:
+        raise ValueError(
+            f"{name}(covariances=...) must have variances in [{LEAST_VARIANCE:g}, {MOST_OF_A_TAIL:g}] along every direction; "
+            f"got {variances.min():g} to {variances.max():g}. A mirror or a groove is a limit: widen it."
+        )
     w = w / w.sum()
     spread = math.sqrt(float(w @ ((m**2).sum(1) + np.trace(c, axis1=1, axis2=2))))
     off = float(np.hypot(*(w @ m)))
@@ -68,8 +73,9 @@ def mixture(moments: Moments, most: int, name: str = "mixture") -> Mixture:
     variances = np.linalg.eigvalsh(moments.covariance)
     if variances.min() < LEAST_VARIANCE or variances.max() > MOST_VARIANCE:
         raise ValueError(
-            f"{name}: the slopes must have {RANGE}; got {variances.min():g} to {variances.max():g}. A mirror or a groove is a "
-            "limit; far steeper slopes are mostly heights and spacing in different units."
+            f"{name}: the slopes must have variances in [{LEAST_VARIANCE:g}, {MOST_VARIANCE:g}] along every direction, alpha in"
+            f" [1e-3, 30]; got {variances.min():g} to {variances.max():g}. A mirror or a groove is a limit; far steeper slopes "
+            "are mostly heights and spacing in different units."
         )
     mean = moments.mean
     # About the mean, in units in which the covariance is 1.
