@@ -6,6 +6,7 @@ from importlib import import_module
 
 import tyro
 
+from torchms.cli.exit_code import exit_code
 from torchms.cli.options import (
     EnergyOptions,
     ExportOptions,
@@ -45,14 +46,8 @@ def _function(path: str) -> Callable[[object], None]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; the exit code is 0, 2 for arguments that do not fit, 130 when interrupted."""
-    try:
-        return _run(sys.argv[1:] if arguments is None else arguments)
-    except (ValueError, TypeError, OSError, ImportError) as error:
-        print(f"torchms: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("torchms: interrupted; no result was written.", file=sys.stderr)
-        return 130
+    given = sys.argv[1:] if arguments is None else arguments
+    return exit_code("torchms", lambda: _run(given), "no result was written.")
 
 
 def _run(arguments: list[str]) -> int:

@@ -17,6 +17,7 @@ from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.cached import blocks
 from torchms.approximations.network import Layer
+from torchms.cli.exit_code import exit_code
 from torchms.cli.progress import progress_bar
 from torchms.storage.write import check_writable
 from torchms.version import __version__
@@ -106,14 +107,9 @@ def finished(label: str, steps: int) -> Iterator[Callable[[int], None]]:
 def run(main: Callable[[C], None], kind: type[C]) -> None:
     """`main` with options of the command line; errors that a user can mend are one line on stderr."""
     torch.set_num_threads(int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1)))
-    try:
-        main(tyro.cli(kind))
-    except (ValueError, OSError) as error:
-        print(f"distil: error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("distil: interrupted; call it again with the same options to go on.", file=sys.stderr)
-        sys.exit(130)
+    code = exit_code("distil", lambda: main(tyro.cli(kind)), "call it again with the same options to go on.")
+    if code:
+        sys.exit(code)
 
 
 def commit() -> str:
