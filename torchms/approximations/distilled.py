@@ -33,8 +33,8 @@ KNOWN = ("GGX", "Beckmann")
 NETWORKS = {
     "metal": files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE),
     "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
-    "reflected": files.Shape(glass_lobes.REFLECTED, 1),
-    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
+    "reflected": files.Shape(glass_lobes.REFLECTED, 1, glass_lobes.OF_ONE),
+    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1, glass_lobes.OF_ONE),
 }
 """What a file may be about. Glass takes both of the last."""
 FACETS: dict[type[Vertex], str] = {Mirror: "metal", Diffuse: "diffuse", Refractive: "glass"}

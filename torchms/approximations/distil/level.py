@@ -1,4 +1,4 @@
-"""The level of a metal's lobe in training, with its derivatives by the weights."""
+"""The level of a lobe in training, with its derivatives by the weights."""
 
 from itertools import pairwise
 
@@ -6,7 +6,6 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.distil.weights import Inputs, Net, Weights
-from torchms.approximations.metal_lobes import EXPONENT
 
 
 class Level:
@@ -28,7 +27,7 @@ class Level:
 
     def value(self, vector: Tensor, inputs: Inputs) -> Tensor:
         """g (n)."""
-        return torch.exp(self.weights.outputs(vector, inputs)[:, 0].clamp(*EXPONENT))
+        return torch.exp(self.weights.outputs(vector, inputs)[:, 0].clamp(*self.weights.exponent))
 
     def derivatives(self, vector: Tensor, inputs: Inputs) -> tuple[Tensor, Tensor]:
         """g (n) and d ln g / d vector (n, len(places))."""
@@ -37,7 +36,7 @@ class Level:
         one, of_one = _derivatives(each, inputs.one)
         other, of_other = _derivatives(each, inputs.other)
         level, columns = level + one + other, torch.cat([columns, of_one + of_other], 1)
-        low, high = EXPONENT
+        low, high = self.weights.exponent
         inside = (level > low) & (level < high)
         return torch.exp(level.clamp(low, high)), columns * inside[:, None]
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.approximations.metal_features import FEATURES, OF_ONE
 from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL, OUTPUTS
 from torchms.approximations.network import Layer, folded, soft_sign
 from torchms.sampling.uniforms import draw
@@ -18,7 +17,7 @@ Net = tuple[list[Layer], Tensor]
 
 
 class Inputs(NamedTuple):
-    """Features of n pairs (n, FEATURES), and of the one and the other direction (n, OF_ONE)."""
+    """Features of n pairs, and of the one and the other direction of each; (n, features)."""
 
     pair: Tensor
     one: Tensor
@@ -50,13 +49,23 @@ class Heads:
 class Weights:
     """Shapes of the layers within the vector, and the map between it and what a file holds.
 
-    The pair's network comes first, then that of each direction; each has its layers, then the linear part.
+    The pair's network comes first, then that of each direction; each has its layers, then the linear part. exponent: range
+    of the first output, whose mean is `start` to begin with.
     """
 
-    def __init__(self, widths: Sequence[int], each: Sequence[int], inputs: Inputs) -> None:
-        self.sizes = [FEATURES, *widths, OUTPUTS]
-        self.each = [OF_ONE, *each, 1]
-        self.length = sum(m * n + m for n, m in pairwise(self.sizes)) + FEATURES
+    def __init__(
+        self,
+        widths: Sequence[int],
+        each: Sequence[int],
+        inputs: Inputs,
+        outputs: int = OUTPUTS,
+        exponent: tuple[float, float] = EXPONENT,
+        start: float = -3.0,
+    ) -> None:
+        self.sizes = [inputs.pair.shape[1], *widths, outputs]
+        self.each = [inputs.one.shape[1], *each, 1]
+        self.exponent, self.start = exponent, start
+        self.length = sum(m * n + m for n, m in pairwise(self.sizes)) + self.sizes[0]
         one = torch.cat([inputs.one, inputs.other])
         self.mean, self.spread = inputs.pair.mean(0), inputs.pair.std(0)
         self.mean_of_one, self.spread_of_one = one.mean(0), one.std(0)
@@ -69,7 +78,7 @@ class Weights:
     def initial(self, generator: torch.Generator) -> Tensor:
         """A vector to begin with."""
         parts = []
-        for sizes, size, level in ((self.sizes, 0.3, -3.0), (self.each, 0.1, 0.0)):
+        for sizes, size, level in ((self.sizes, 0.3, self.start), (self.each, 0.1, 0.0)):
             for k, (n, m) in enumerate(pairwise(sizes)):
                 last = k == len(sizes) - 2
                 # Uniform numbers of that standard deviation.
@@ -87,7 +96,7 @@ class Weights:
         return _layers(vector[: self.length], self.sizes), _layers(vector[self.length :], self.each)
 
     def outputs(self, vector: Tensor, inputs: Inputs) -> Tensor:
-        """The outputs (n, 7) for standardised features."""
+        """The outputs (n, K) for standardised features."""
         pair, each = self.split(vector)
         found = outputs(pair, inputs.pair)
         of_one = outputs(each, inputs.one) + outputs(each, inputs.other)
@@ -100,7 +109,7 @@ class Weights:
         """
         pair, each = self.split(vector.detach().double())
         layers, skip = pair
-        skip = torch.cat([skip[None], torch.zeros(OUTPUTS - 1, FEATURES, dtype=skip.dtype)])
+        skip = torch.cat([skip[None], torch.zeros(self.sizes[-1] - 1, self.sizes[0], dtype=skip.dtype)])
         if others is not None:
             ((weight, offset),), skip[1:] = others
             layers[-1][0][1:], layers[-1][1][1:] = weight, offset
