@@ -116,7 +116,8 @@ class Side(nn.Module):
     def __init__(self, distillate: Distillate) -> None:
         super().__init__()
         assert distillate.each is not None
-        self.network, self.each = Network(distillate.layers, distillate.skip), Network(*distillate.each)
+        self.network = Network(distillate.layers, distillate.skip, pair.root_sign)
+        self.each = Network(*distillate.each, pair.root_sign)
 
     def forward(self, pairs: Sequence[Tensor], of_both: Sequence[Tensor]) -> Tensor:
         """From features of the pairs (…), and of both directions (2, …)."""

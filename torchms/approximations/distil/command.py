@@ -54,6 +54,7 @@ class Common:
         layers: list[Layer],
         skip: Tensor,
         rows: int,
+        paths: int,
         errors: dict[str, Any],
         folder: Path,
         each: tuple[list[Layer], Tensor] | None = None,
@@ -72,6 +73,7 @@ class Common:
             "commit": commit(),
             "options": {k: list(v) if isinstance(v, tuple) else v for k, v in self.told.items()},
             "rows": rows,
+            "paths": rows * paths,
             "held_out": errors,
         }
         found = files.Distillate(facet, self.distribution, self.alpha, layers, skip, certificate, each)

@@ -93,7 +93,7 @@ def main(options: Options) -> None:
 def _written(
     options: Options, out: Path, found: files.Distillate, rows: int, errors: dict[str, Any], folder: Path
 ) -> None:
-    options.write(found.facet, out, found.layers, found.skip, rows, errors, folder, found.each)
+    options.write(found.facet, out, found.layers, found.skip, rows, sum(options.paths), errors, folder, found.each)
 
 
 if __name__ == "__main__":

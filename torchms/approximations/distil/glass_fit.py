@@ -9,6 +9,7 @@ from torch import Tensor
 from torchms.approximations import distilled_file as files
 from torchms.approximations import glass_lobes, pair_features
 from torchms.approximations.distil import glass_rows, glass_targets, refinement
+from torchms.approximations.distil.activations import ROOT
 from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.glass_rows import Surfaces
 from torchms.approximations.distil.level import Level
@@ -68,7 +69,7 @@ class Fit:
         size = (lobe * whole).view(-1, OUTGOING).sum(1) / lobe.view(-1, OUTGOING).sum(1).clamp_min(1e-20)
         floor = torch.hypot(FIRST * first, WHOLE * size.sqrt().repeat_interleave(OUTGOING))
         start = float(torch.log(rest.clamp_min(1e-6)).median())
-        self.weights = Weights(*widths, inputs, 1, glass_lobes.EXPONENT, start)
+        self.weights = Weights(*widths, inputs, 1, glass_lobes.EXPONENT, start, ROOT)
         self.level = Level(self.weights)
         share = refinement.shares(lobe, first + rest)
         self.data = refinement.Data(self.weights.standardised(inputs), rest, floor, share)

@@ -16,7 +16,7 @@ from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.level import Level
 from torchms.approximations.distil.rows import OUTGOING
 from torchms.approximations.distil.training import loss
-from torchms.approximations.distil.weights import Inputs, Net, Weights, hidden
+from torchms.approximations.distil.weights import Inputs, Net, Weights
 from torchms.sampling.uniforms import generator_for, integers
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import write_whole
@@ -184,7 +184,7 @@ def others_anew(
     layers, _ = weights.split(vector)[0]
     weight, offset = layers[-1]
     with torch.no_grad():
-        known = torch.cat([hidden(layers, data.inputs.pair), data.inputs.pair], 1)
+        known = torch.cat([weights.hidden(layers, data.inputs.pair), data.inputs.pair], 1)
         level = torch.cat([weights.outputs(vector, x)[:, :1] for x in data.inputs.split(CHUNK)])
     rows = torch.cat([weight[1:], torch.zeros(len(weight) - 1, data.inputs.pair.shape[1])], 1).requires_grad_(True)
     shifts = offset[1:].clone().requires_grad_(True)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from torchms.approximations.distil.activations import SOFT, Activation
 from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL, OUTPUTS
 from torchms.approximations.network import Layer, folded, soft_sign
 from torchms.sampling.uniforms import draw
@@ -61,10 +62,11 @@ class Weights:
         outputs: int = OUTPUTS,
         exponent: tuple[float, float] = EXPONENT,
         start: float = -3.0,
+        activation: Activation = SOFT,
     ) -> None:
         self.sizes = [inputs.pair.shape[1], *widths, outputs]
         self.each = [inputs.one.shape[1], *each, 1]
-        self.exponent, self.start = exponent, start
+        self.exponent, self.start, self.activation = exponent, start, activation
         self.length = sum(m * n + m for n, m in pairwise(self.sizes)) + self.sizes[0]
         one = torch.cat([inputs.one, inputs.other])
         self.mean, self.spread = inputs.pair.mean(0), inputs.pair.std(0)
@@ -98,9 +100,22 @@ class Weights:
     def outputs(self, vector: Tensor, inputs: Inputs) -> Tensor:
         """The outputs (n, K) for standardised features."""
         pair, each = self.split(vector)
-        found = outputs(pair, inputs.pair)
-        of_one = outputs(each, inputs.one) + outputs(each, inputs.other)
+        found = self._outputs(pair, inputs.pair)
+        of_one = self._outputs(each, inputs.one) + self._outputs(each, inputs.other)
         return torch.cat([found[:, :1] + of_one, found[:, 1:]], 1)
+
+    def hidden(self, layers: list[Layer], x: Tensor) -> Tensor:
+        """What the last of the layers takes."""
+        for weight, offset in layers[:-1]:
+            x = self.activation.value(torch.addmm(offset, x, weight.T))
+        return x
+
+    def _outputs(self, net: Net, inputs: Tensor) -> Tensor:
+        """The outputs (n, K) of one network; its linear part is added to the first."""
+        layers, skip = net
+        weight, offset = layers[-1]
+        found = torch.addmm(offset, self.hidden(layers, inputs), weight.T)
+        return torch.cat([found[:, :1] + (inputs @ skip)[:, None], found[:, 1:]], 1)
 
     def folded(self, vector: Tensor, others: Net | None = None) -> tuple[Net, Net]:
         """Both networks for features as they are; the linear parts (outputs, features).
@@ -115,21 +130,6 @@ class Weights:
             layers[-1][0][1:], layers[-1][1][1:] = weight, offset
         pair, each = (layers, skip), (each[0], each[1][None])
         return folded(*pair, self.mean, self.spread), folded(*each, self.mean_of_one, self.spread_of_one)
-
-
-def hidden(layers: list[Layer], x: Tensor) -> Tensor:
-    """What the last of the layers takes."""
-    for weight, offset in layers[:-1]:
-        x = soft_sign(torch.addmm(offset, x, weight.T))
-    return x
-
-
-def outputs(net: Net, inputs: Tensor) -> Tensor:
-    """The outputs (n, K) of one network; its linear part is added to the first."""
-    layers, skip = net
-    weight, offset = layers[-1]
-    found = torch.addmm(offset, hidden(layers, inputs), weight.T)
-    return torch.cat([found[:, :1] + (inputs @ skip)[:, None], found[:, 1:]], 1)
 
 
 def _layers(vector: Tensor, sizes: Sequence[int]) -> Net:
