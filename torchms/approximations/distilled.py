@@ -39,8 +39,8 @@ SMITHS = files.Shape(metal_features.FEATURES, surface_lobes.OF_SMITH, metal_feat
 NETWORKS = {
     "metal": METAL,
     "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
-    "reflected": files.Shape(glass_lobes.REFLECTED, 1),
-    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
+    "reflected": files.Shape(glass_lobes.REFLECTED, 1, glass_lobes.OF_ONE),
+    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1, glass_lobes.OF_ONE),
     "gaussian": files.Shape(
         metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, surface_lobes.ORDERS, SMITHS
     ),

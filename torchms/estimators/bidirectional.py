@@ -46,9 +46,10 @@ class Bidirectional(PathTracer):
     sources = ("Wang2022",)
 
     def __init__(self, segment: Segment, max_order: int = 8, attached: bool | None = None) -> None:
-        if not isinstance(segment, Segment) or segment.n_uniforms:
+        if not isinstance(segment, Segment):
             raise TypeError(
-                f"Bidirectional(segment=...) must be Uncorrelated(), Correlated() or Invariance(); got {segment!r}."
+                "Bidirectional(segment=...) must be Uncorrelated(), Correlated(), Invariance() or RandomHeight(); got "
+                f"{segment!r}."
             )
         super().__init__(segment, max_order, attached)
         self.is_reciprocal = segment.is_reciprocal
@@ -68,7 +69,11 @@ class Bidirectional(PathTracer):
         return (K,) if K == 1 else (K, min(K, 5), min(K, 3), min(K, 3))
 
     def n_uniforms(self, vertex: Vertex) -> int:
-        return 1 + 2 * sum(self.lengths) * vertex.n_uniforms
+        return 1 + 2 * sum(self.lengths) * self._stride(vertex)
+
+    def _stride(self, vertex: Vertex) -> int:
+        """Random numbers of a bounce: those of the facet, then those of the leg that leads to it."""
+        return vertex.n_uniforms + self.segment.n_uniforms
 
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
         served = vertex.serves(wi) & vertex.serves(wo)
@@ -85,7 +90,7 @@ class Bidirectional(PathTracer):
                 total = sums[k - 1]
                 sums[k - 1] = value if total is None else total + value
                 counts[k - 1] += 1
-            first += 2 * length * vertex.n_uniforms
+            first += 2 * length * self._stride(vertex)
         return [
             torch.where(served, total * (wo.z.abs() / count), 0.0)
             for total, count in zip(sums, counts, strict=True)
@@ -99,7 +104,7 @@ class Bidirectional(PathTracer):
         anchors = self._anchors(vertex, wi, wo)
         turned = None if anchors is None else tuple(-height for height in anchors)
         ahead = self._nodes(vertex, wi, u, first, length, anchors, against=False)
-        behind = self._nodes(vertex, wo, u, first + length * vertex.n_uniforms, length, turned, against=True)
+        behind = self._nodes(vertex, wo, u, first + length * self._stride(vertex), length, turned, against=True)
         join = self.segment.joiner([node.leg for node in ahead], [node.leg for node in behind], vertex.monotone)
         orders: dict[int, Tensor] = {}
         for k in range(lowest, length + 1):
@@ -137,11 +142,13 @@ class Bidirectional(PathTracer):
         for i in range(length):
             last = i == length - 1
             numbers = normal = None
+            at = first + i * self._stride(vertex)
             if not last or vertex.phase_needs_normal:
-                numbers = tuple(u[first + i * vertex.n_uniforms + n] for n in range(vertex.n_uniforms))
+                numbers = tuple(u[at + n] for n in range(vertex.n_uniforms))
                 normal = vertex.visible_normal(w, numbers[0], numbers[1])
             view = View(w, distribution.guarded_area(w), normal, side)
-            leg = Leg(distribution.blocking(-w), up, crossed, back=distribution.blocking(w))
+            heights = tuple(u[at + vertex.n_uniforms + n] for n in range(self.segment.n_uniforms))
+            leg = Leg(distribution.blocking(-w), up, crossed, heights, distribution.blocking(w))
             carried = weight
             if against and weight is not None:
                 eta2 = vertex.relative_eta2(side, entered)
