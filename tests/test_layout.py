@@ -23,7 +23,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     # What everything stands on.
-    ("version", "typing", "lazy", "storage", "cli.progress"),
+    ("version", "typing", "lazy", "extras", "storage", "cli.progress"),
     ("maths", "machine"),
     ("parameters.declared", "parameters.exchange", "parameters.maps"),
     # A facet, the heights between facets, and both together.
