@@ -23,7 +23,7 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     # What everything stands on.
-    ("version", "typing", "lazy", "storage", "cli.progress", "cli.exit_code"),
+    ("version", "typing", "lazy", "extras", "storage", "cli.progress", "cli.exit_code"),
     ("maths", "machine"),
     ("parameters.declared", "parameters.exchange", "parameters.maps", "slopes"),
     # A facet, the heights between facets, and both together.

@@ -285,5 +285,5 @@ def test_no_mitsuba(monkeypatch):
         raise ImportError(name)
 
     monkeypatch.setattr(plugin, "import_module", missing)
-    with pytest.raises(ImportError, match=r"pip install torchms\[mitsuba\]"):
+    with pytest.raises(ImportError, match=r'pip install "torchms\[mitsuba\]"'):
         register()

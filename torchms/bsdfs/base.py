@@ -173,10 +173,10 @@ class BSDF(Parametric, ABC):
         """f(wi, wo) · |cos θ_o| [1/sr] of each order, `[..., k - 1, :]` after exactly k bounces; `forward` sums it."""
         return self._run_pair(kernels.ORDERS, wi, wo, u, block)
 
-    def sample(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> DirectionSample:
+    def sample(self, wi: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None) -> DirectionSample:
         """One direction wo a path, close to the shape of f · |cos θ_o|, with its exact density.
 
-        For a `wi` on a side that the surface does not serve, pdf = 0.
+        For a `wi` on a side that the surface does not serve, pdf = 0. ValueError without `u`.
         """
         return DirectionSample(*self._run(kernels.SAMPLE, {"wi": wi}, u, block))
 
@@ -184,10 +184,10 @@ class BSDF(Parametric, ABC):
         """Density of `sample` at `wo` [1/sr]; zero below the horizon of a surface that does not transmit."""
         return self._run_pair(kernels.PDF, wi, wo, None, block)
 
-    def sample_walk(self, wi: Direction, u: Uniforms | Stream, *, block: int | None = None) -> WalkSample:
+    def sample_walk(self, wi: Direction, u: Uniforms | Stream | None = None, *, block: int | None = None) -> WalkSample:
         """Where one random walk a path leaves the surface: perfect importance sampling, of unknown density.
 
-        Its expectation is that of the model in the scattering slot.
+        Its expectation is that of the model in the scattering slot. ValueError without `u`.
         """
         wo, weight, order = self._run(kernels.WALK, {"wi": wi}, u, block)
         return WalkSample(wo, weight, order.to(torch.int64))

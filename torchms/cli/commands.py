@@ -6,6 +6,7 @@ from importlib import import_module
 
 import tyro
 
+from torchms.cli.beforehand import check
 from torchms.cli.exit_code import exit_code
 from torchms.cli.options import (
     EnergyOptions,
@@ -60,6 +61,7 @@ def _run(arguments: list[str]) -> int:
         description=DESCRIPTION,
         args=arguments,
     )
+    check(options)
     run = next(path for kind, path in COMMANDS.values() if isinstance(options, kind))
     _function(run)(options)
     return 0

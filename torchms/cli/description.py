@@ -7,6 +7,7 @@ import torch
 from torchms.bsdfs import BSDF
 from torchms.bsdfs.named import DISTRIBUTIONS, SCATTERINGS, maker_of, with_scattering
 from torchms.cli.arguments import parse_alpha
+from torchms.cli.beforehand import check_surface
 from torchms.cli.expression import parse_bsdf
 from torchms.cli.options import ExportOptions, RenderOptions
 from torchms.cli.surface import SurfaceOptions
@@ -22,10 +23,9 @@ def described(options: SurfaceOptions, scattering: Scattering | None = None) -> 
 
     Raises ValueError if options do not fit together.
     """
+    check_surface(options)
     if options.bsdf is None:
         return _by_name(options, scattering)
-    if named := [f"--{name.replace('_', '-')}" for name in SHORT if is_given(options, name)]:
-        raise ValueError(f"--bsdf says all of the surface: leave out {', '.join(named)}, or --bsdf.")
     bsdf = parse_bsdf(options.bsdf)
     return bsdf if scattering is None else with_scattering(bsdf, scattering)
 
@@ -51,20 +51,12 @@ def scattering_of(options: RenderOptions | ExportOptions, glass: str, opaque: st
     return None
 
 
-def is_given(options: SurfaceOptions, name: str) -> bool:
-    """Whether an option differs from what its command takes if nobody names it."""
-    default = next(field.default for field in fields(options) if field.name == name)
-    return getattr(options, name) != default
-
-
 def _by_name(options: SurfaceOptions, scattering: Scattering | None) -> BSDF:
     distribution = build_distribution(options)
-    if options.metal is not None and options.material != "conductor":
-        raise ValueError(f"--metal goes with --material conductor; got --material {options.material}.")
     if options.material == "conductor":
         facet = Ideal() if options.metal is None else Conductor.metal(options.metal)
     else:
-        facet = Dielectric(options.eta) if options.material == "dielectric" else options.albedo
+        facet = Dielectric(options.index) if options.material == "dielectric" else options.facet_albedo
     return maker_of(options.material)(distribution, facet, scattering)
 
 
@@ -76,6 +68,4 @@ def build_distribution(options: SurfaceOptions) -> MicrofacetDistribution:
         if len(alphas) > 1:
             raise ValueError(f"--distribution gtr is isotropic: --alpha must be one number; got {options.alpha!r}.")
         return DISTRIBUTIONS[name](alphas[0], 2.0 if gamma is None else gamma)
-    if gamma is not None:
-        raise ValueError(f"--gamma goes with --distribution gtr; got --distribution {name}.")
     return DISTRIBUTIONS[name](*alphas)

@@ -7,7 +7,8 @@ import torch
 from torchms.bsdfs import BSDF
 from torchms.bsdfs.named import SCATTERINGS
 from torchms.cli.arguments import check_angles, parse_count
-from torchms.cli.description import described, is_given
+from torchms.cli.beforehand import is_given
+from torchms.cli.description import described
 from torchms.cli.options import EnergyOptions
 from torchms.lobes.measure import measure
 from torchms.lobes.tally import Tally
@@ -65,8 +66,8 @@ def _title(options: EnergyOptions) -> str:
         return f"{options.bsdf}, {walks}"
     what = {
         "conductor": f"conductor {options.metal or 'with F = 1'}",
-        "dielectric": f"dielectric with eta = {options.eta:g}, lit from outside",
-        "diffuse": f"diffuse facets of albedo {options.albedo:g}",
+        "dielectric": f"dielectric with eta = {options.index:g}, lit from outside",
+        "diffuse": f"diffuse facets of albedo {options.facet_albedo:g}",
     }[options.material]
     alpha = options.alpha if options.alpha_y is None else f"{options.alpha},{options.alpha_y:g}"
     gamma = "" if options.gamma is None else f", gamma = {options.gamma:g}"
@@ -78,8 +79,9 @@ def _table(options: EnergyOptions, tallies: dict[tuple[float, str], Tally], mode
     sides = ("R", "T") if transmits else ("R",)
     header = ["theta", "k"] + [f"{name} {'E_' + side.lower()}" for name in models for side in sides]
     rows = [header]
+    longest = max(len(tally.reflected) for tally in tallies.values())
     for theta in options.theta:
-        for k in range(options.max_order):
+        for k in range(min(options.max_order, longest)):
             cells = [f"{theta:.4g}" if k == 0 else "", str(k + 1)]
             for name in models:
                 tally = tallies[theta, name]

@@ -13,6 +13,7 @@ from torchms.cli.description import described, exactly_described
 from torchms.cli.options import FiguresOptions
 from torchms.cli.simulate import TRACERS
 from torchms.distributions.base import EllipticDistribution
+from torchms.extras import missing
 from torchms.fresnel import Dielectric
 from torchms.lobes import Tally
 from torchms.microsurface.rays.tracer import Tracer
@@ -39,7 +40,7 @@ def run_figures(options: FiguresOptions) -> list[Path]:
     try:
         import matplotlib
     except ImportError as error:
-        raise ImportError("torchms figures needs matplotlib: pip install 'torchms[microsurface]'.") from error
+        raise missing("torchms figures", "matplotlib") from error
     rays, walks = parse_count(options.rays, "--rays", 1), parse_count(options.walks, "--walks", 2)
     for theta in options.theta:
         check_angles(theta, options.phi)
@@ -87,8 +88,8 @@ def cases_of(options: FiguresOptions) -> list[Case]:
     ax, ay = (float(a) for a in exact.distribution.alphas)
     material = material_of(exact)
     fresnel = getattr(exact, "fresnel", None)
-    eta = float(fresnel.eta) if isinstance(fresnel, Dielectric) and material == "dielectric" else options.eta
-    usual = options.bsdf is None and options.metal is None and options.albedo == 1
+    eta = float(fresnel.eta) if isinstance(fresnel, Dielectric) and material == "dielectric" else options.index
+    usual = options.bsdf is None and options.metal is None and options.facet_albedo == 1
     bsdf = None if usual else described(options)
     return [Case(material, (ax, ay), theta, options.phi, eta, options.max_order, bsdf) for theta in options.theta]
 

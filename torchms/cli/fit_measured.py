@@ -7,6 +7,7 @@ from typing import Any
 
 from torchms.cli.plain_options import FitMeasuredOptions
 from torchms.cli.progress import progress_bar
+from torchms.extras import missing
 from torchms.measured import MeasuredBRDF
 from torchms.measured.fit import HIGH, INCIDENCE, LOW, NAMES, RELIABLE, Comparison, fitted, samples, steps
 from torchms.storage.write import check_writable, write_json, write_whole
@@ -47,7 +48,7 @@ def _matplotlib(path: Path) -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise ImportError("the picture needs matplotlib: pip install 'torchms[microsurface]'.") from error
+        raise missing("the picture", "matplotlib") from error
 
 
 def _report(options: FitMeasuredOptions, brdf: MeasuredBRDF, found: list[Comparison]) -> str:

@@ -4,7 +4,8 @@ import math
 from dataclasses import replace
 
 from torchms.bsdfs import BSDF
-from torchms.cli.description import SHORT, described, is_given, scattering_of
+from torchms.cli.beforehand import is_given
+from torchms.cli.description import SHORT, described, scattering_of
 from torchms.cli.expression import parse_bsdf
 from torchms.cli.options import RenderOptions
 from torchms.render.film import render

@@ -84,9 +84,9 @@ def parts_of(options: SimulateOptions) -> tuple[Heightfield | GaussianSurfaces, 
 def facets_by_name(options: SimulateOptions) -> FacetMaterial:
     """The facets of the short options, with the metals' numbers in the default dtype."""
     if options.material == "dielectric":
-        return DielectricFacets(options.eta)
+        return DielectricFacets(options.index)
     if options.material == "diffuse":
-        return DiffuseFacets(options.albedo)
+        return DiffuseFacets(options.facet_albedo)
     return MirrorFacets(None if options.metal is None else Conductor.metal(options.metal))
 
 
@@ -126,6 +126,11 @@ def write(tally: Tally, result: dict[str, Any], options: SimulateOptions) -> Non
         write_whole(options.lobes, buffer.getvalue(), options.force)
 
 
+def _is_lit(value: Any) -> bool:
+    """Whether any number of it, a list over orders and channels, is not 0."""
+    return any(map(_is_lit, value)) if isinstance(value, list) else bool(value)
+
+
 def table(result: dict[str, Any]) -> str:
     """The energies as text."""
 
@@ -134,10 +139,11 @@ def table(result: dict[str, Any]) -> str:
             return " ".join(cell(v) for v in value)
         return "n/a" if value is None else f"{value:.6f}"
 
-    rows = [f"{'order':>5}  {'reflected':>20}  {'transmitted':>20}"]
-    lists = (result[k] for k in ("reflected", "reflected_stderr", "transmitted", "transmitted_stderr"))
-    for order, (r, dr, t, dt) in enumerate(zip(*lists, strict=True), start=1):
-        rows.append(f"{order:>5}  {cell(r)} ± {cell(dr):>8}  {cell(t)} ± {cell(dt):>8}")
+    sides = [side for side in ("reflected", "transmitted") if side == "reflected" or _is_lit(result[side])]
+    rows = [f"{'order':>5}" + "".join(f"  {side:>20}" for side in sides)]
+    columns = [zip(result[side], result[f"{side}_stderr"], strict=True) for side in sides]
+    for order, cells in enumerate(zip(*columns, strict=True), start=1):
+        rows.append(f"{order:>5}" + "".join(f"  {cell(value)} ± {cell(error):>8}" for value, error in cells))
     alpha = " ".join(f"{a:.4f}" for a in result["slopes"]["alpha"])
     rows.append(f"left {cell(result['total'])}  absorbed {cell(result['absorbed'])}  lost {cell(result['lost'])}")
     rows.append(

@@ -41,7 +41,17 @@ class SurfaceOptions:
     """Roughness along y, if it is not in --alpha."""
     gamma: float | None = None
     """GTR only: how short the tails are, in (0, 10]; 2, which is GGX, if it is not given."""
-    eta: float = 1.5
-    """Dielectric only: n_inside / n_outside."""
-    albedo: float = 1.0
-    """Diffuse only: albedo of a facet."""
+    eta: float | None = None
+    """Dielectric only: n_inside / n_outside; 1.5 if it is not given."""
+    albedo: float | None = None
+    """Diffuse only: albedo of a facet; 1 if it is not given."""
+
+    @property
+    def index(self) -> float:
+        """--eta, or the usual one."""
+        return 1.5 if self.eta is None else self.eta
+
+    @property
+    def facet_albedo(self) -> float:
+        """--albedo, or the usual one."""
+        return 1.0 if self.albedo is None else self.albedo

@@ -124,7 +124,10 @@ class EllipticDistribution(MicrofacetDistribution):
     def __init__(self, alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> None:
         super().__init__()
         low, high = self.limits
-        remedy = "A mirror is the limit alpha -> 0: use a delta BSDF."
+        remedy = (
+            f"A mirror is the limit alpha -> 0: take {low:g}. A roughness of another program becomes an alpha by "
+            'torchms.alpha(roughness, "gltf").'
+        )
         self.declare("alpha", alpha, low=low, high=high, remedy=remedy)
         self.declare("alpha_y", alpha_y, low=low, high=high, remedy=remedy, optional=True)
 

@@ -31,7 +31,7 @@ class GTR(MicrofacetDistribution):
 
     def __init__(self, alpha: float | Tensor, gamma: float | Tensor) -> None:
         super().__init__()
-        remedy = "A mirror is the limit alpha -> 0: use a delta BSDF; rougher than 1 are GGX and Beckmann."
+        remedy = "A mirror is the limit alpha -> 0: take 0.01; rougher than 1 are GGX and Beckmann."
         self.declare("alpha", alpha, low=0.01, high=1.0, remedy=remedy)
         remedy = "gamma = 2 is GGX; gamma -> 0 is GGX with alpha = 1, and far above 10 nothing is left of the tails."
         self.declare("gamma", gamma, low=0.0, high=10.0, remedy=remedy, open_low=True)

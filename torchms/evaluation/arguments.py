@@ -6,7 +6,7 @@ import torch
 from torch import Tensor, nn
 from torch._C._functorch import is_functorch_wrapped_tensor
 
-from torchms.maths.frame import kind_of
+from torchms.maths.frame import conversion, kind_of
 from torchms.maths.numerics import has_values
 from torchms.parameters.declared import Parameter, first_bad
 from torchms.parameters.exchange import parameters
@@ -102,7 +102,9 @@ def check_random(u: Tensor | Stream | None, D: int, optional: bool, caller: str)
     if u is None or isinstance(u, Stream):
         return
     if not isinstance(u, Tensor) or not u.is_floating_point() or u.layout != torch.strided:
-        raise TypeError(f"u must be a Stream or a floating-point Tensor (*batch, N, {D}); got {kind_of(u)}.")
+        raise TypeError(
+            f"u must be a Stream or a floating-point Tensor (*batch, N, {D}); got {kind_of(u)}.{conversion(u)}"
+        )
     if u.ndim < 2 or u.shape[-1] != D or u.shape[-2] < 1:
         raise ValueError(
             f"u must be (*batch, N, D) with N >= 1 and D = {D} for this BSDF; got shape {tuple(u.shape)}. "

@@ -9,7 +9,7 @@ from torchms.bsdfs.base import BSDF
 from torchms.cli.progress import progress_bar
 from torchms.evaluation.workers import Workers
 from torchms.lobes.tally import Lobes, Tally
-from torchms.maths.frame import Vec3
+from torchms.maths.frame import Vec3, check_direction
 from torchms.sampling.uniforms import draw, generator_for
 from torchms.typing import Direction
 
@@ -36,6 +36,7 @@ def measure(
     The result depends on `seed` and `n_paths` only. Raises ValueError if `wi` is not one direction on a side that the
     BSDF serves.
     """
+    check_direction(wi, "measure(wi=...)")
     if tuple(wi.shape) != (3,):
         raise ValueError(f"measure(wi=...) must be one direction (3,); got shape {tuple(wi.shape)}.")
     if any(shape.numel() != 1 for shape in bsdf.parameter_batch_shapes()):

@@ -27,7 +27,7 @@ class Vec3(NamedTuple):
 def check_direction(w: object, name: str = "a direction") -> None:
     """Raise TypeError or ValueError if `w`, called `name` in the message, is no dense floating-point tensor (..., 3)."""
     if not isinstance(w, Tensor) or not w.is_floating_point() or w.layout != torch.strided:
-        raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {kind_of(w)}.")
+        raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {kind_of(w)}.{conversion(w)}")
     if w.ndim == 0 or w.shape[-1] != 3:
         raise ValueError(f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}.")
 
@@ -37,6 +37,12 @@ def kind_of(value: object) -> str:
     if not isinstance(value, Tensor):
         return type(value).__name__
     return f"a Tensor of {value.dtype}" + ("" if value.layout == torch.strided else f", {value.layout}")
+
+
+def conversion(value: object) -> str:
+    """What turns numbers that are no Tensor into one, as a sentence with a space before it; "" for anything else."""
+    is_array = hasattr(value, "__array__") and not isinstance(value, Tensor)
+    return " Write torch.as_tensor(…, dtype=torch.float32)." if is_array or isinstance(value, list | tuple) else ""
 
 
 def split(v: Tensor) -> Vec3:

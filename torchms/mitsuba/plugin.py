@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import Any
 
+from torchms.extras import missing
 from torchms.mitsuba.llvm import OLDEST, find_llvm
 from torchms.mitsuba.materials import MATERIALS
 from torchms.mitsuba.surface import Surface
@@ -20,7 +21,7 @@ def register() -> None:
     try:
         mi = import_module("mitsuba")
     except ImportError as error:
-        raise ImportError("torchms.mitsuba needs Mitsuba 3: pip install torchms[mitsuba].") from error
+        raise missing("torchms.mitsuba", "mitsuba") from error
     if mi.variant() is not None:
         _register()
     if not _watching:

@@ -1,7 +1,7 @@
 """Evaluators as self-contained ONNX files, and a front to run them.
 
 `export(bsdf, path, ...)` writes one file; `Evaluator(path)` runs it on numpy arrays or tensors through ONNX Runtime, in
-blocks. Needs the `onnx` extra: `pip install torchms[onnx]`.
+blocks. Needs the `onnx` extra: `pip install "torchms[onnx]"`.
 """
 
 from typing import TYPE_CHECKING

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from torchms.extras import missing
 from torchms.onnx import seal
 
 BLOCK_ROWS = 16384
@@ -227,7 +228,7 @@ def runtime() -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise ImportError("Evaluator needs onnxruntime, of the onnx extra: pip install torchms[onnx].") from error
+        raise missing("Evaluator", "onnxruntime") from error
     return onnxruntime
 
 

@@ -7,14 +7,13 @@ from pathlib import Path
 import torch
 
 from torchms.bsdfs.base import BSDF
+from torchms.extras import missing
 from torchms.onnx import seal
 from torchms.onnx.double import refuse_rounded
 from torchms.onnx.graph import UNIFORMS, WHATS, Graph, Slot, slots
 from torchms.onnx.metadata import describe
 from torchms.onnx.tracing import traced
 from torchms.storage.write import check_writable, write_whole
-
-EXTRA = "It belongs to the onnx extra: pip install torchms[onnx]."
 
 
 def export(
@@ -61,7 +60,7 @@ def exported(
 
         import_module("onnxscript")  # torch.onnx needs it
     except ImportError as error:
-        raise ImportError(f"torchms.onnx.export needs {error.name}. {EXTRA}") from error
+        raise missing("torchms.onnx.export", error.name or "onnxscript", "onnx") from error
     graph = checked(bsdf, what, parameters, uniforms, n_paths)
     model = traced(graph)
     describe(model, graph)

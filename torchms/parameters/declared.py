@@ -104,7 +104,8 @@ class Parametric(nn.Module):
             tensor = value
         elif isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
             kind = "None" if value is None else type(value).__name__
-            raise TypeError(f"{label} must be a float, a Tensor or an nn.Parameter; got {kind}.")
+            array = " Write torch.as_tensor(…, dtype=torch.float32)." if hasattr(value, "__array__") else ""
+            raise TypeError(f"{label} must be a float, a Tensor or an nn.Parameter; got {kind}.{array}")
         elif isinstance(value, list | tuple) and not channels:
             raise TypeError(
                 f"{label} must be one number, or a tensor of one for every element of a batch; got {value!r}. "

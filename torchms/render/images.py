@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from torchms.extras import missing
 from torchms.storage.media import MOST_PIXELS, check_pixels, read_image
 from torchms.storage.write import check_writable, write_whole
 
@@ -135,7 +136,7 @@ def _pillow() -> Any:
     try:
         from PIL import Image
     except ImportError as error:
-        raise ImportError("torchms.render needs Pillow for .png files: pip install 'torchms[render]'.") from error
+        raise missing("a .png file", "Pillow") from error
     return Image
 
 
@@ -143,5 +144,5 @@ def _openexr() -> Any:
     try:
         import OpenEXR
     except ImportError as error:
-        raise ImportError("torchms.render needs OpenEXR for .exr files: pip install 'torchms[render]'.") from error
+        raise missing("an .exr file", "OpenEXR") from error
     return OpenEXR

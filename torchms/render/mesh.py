@@ -5,6 +5,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from torchms.extras import missing
 from torchms.render.shapes import Hits, Shape
 
 
@@ -27,10 +28,8 @@ class Mesh(Shape):
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene
         except ImportError as error:
-            raise ImportError(
-                "torchms.render needs embreex for meshes: pip install 'torchms[render]'. "
-                "Without it, the scene 'sphere' still works."
-            ) from error
+            why = missing("a mesh in torchms.render", "embreex", "render")
+            raise ImportError(f"{why} Without it, the scene 'sphere' still works.") from error
         self.is_closed = is_closed
         low, high = vertices.min(0), vertices.max(0)
         x, y, z = (low + high) / 2

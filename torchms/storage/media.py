@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from torchms.extras import missing
+
 if TYPE_CHECKING:
     import trimesh
     from PIL import Image
@@ -39,7 +41,7 @@ def read_image(path: str | Path, formats: tuple[str, ...]) -> "Image.Image":
     try:
         from PIL import Image
     except ImportError as error:
-        raise ImportError("Reading PNG and TIFF pictures needs Pillow: pip install pillow.") from error
+        raise missing("a picture", "Pillow") from error
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the limit here is another
         try:
@@ -88,7 +90,7 @@ def import_trimesh() -> Any:
     try:
         import trimesh
     except ImportError as error:
-        raise ImportError("Meshes need trimesh: pip install trimesh embreex numba.") from error
+        raise missing("a mesh", "trimesh") from error
     return trimesh
 
 

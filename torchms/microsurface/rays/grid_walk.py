@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from torchms.extras import missing
 from torchms.microsurface.rays.grid import Grid, Paths
 from torchms.microsurface.rays.tracer import Caster, TraceCount, Tracer
 
@@ -57,4 +58,4 @@ def require_numba() -> None:
     try:
         import_module("numba")
     except ImportError as error:
-        raise ImportError("torchms.microsurface needs Numba: pip install numba trimesh embreex.") from error
+        raise missing("torchms.microsurface", "numba") from error

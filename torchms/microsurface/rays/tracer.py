@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from torchms.extras import missing
 from torchms.microsurface.rays.grid import Grid, Paths
 
 
@@ -97,10 +98,8 @@ def _embreex() -> tuple[Any, Any]:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
     except ImportError as error:
-        raise ImportError(
-            "EmbreeTracer needs embreex (pip install embreex), which is not installed here. Where it has no wheel, use "
-            "tracer=GridTracer() (--tracer grid), which needs only Numba."
-        ) from error
+        otherwise = "Where that has no wheel: tracer=GridTracer() (--tracer grid), which needs only Numba."
+        raise ImportError(f"{missing('EmbreeTracer', 'embreex')} {otherwise}") from error
     return EmbreeScene, TriangleMesh
 
 
