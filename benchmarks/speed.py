@@ -4,8 +4,8 @@
 (sections: walks single checked backward scaling engines latency contention compiling bounds; all if none)
 
 Times are medians of repetitions that alternate between the two sides, random numbers included. The yardstick of the
-walks is benchmarks/yardstick.py (Numba), that of the single bounce Mitsuba's roughconductor. Checked mode is off, as in the others, but
-for the section that measures it. Numbers go to results/speed.json, a section at a time.
+walks is benchmarks/yardstick.py (Numba), that of the single bounce Mitsuba's roughconductor. Checked mode is off,
+as in the others, but for the section that measures it. Numbers go to results/speed.json, a section at a time.
 """
 
 import argparse
