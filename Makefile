@@ -4,7 +4,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 DOCS := .venv/.docs
 
-.PHONY: demo demo-fit test test-all node-test lab lab-check lab-picture coverage mutations bench pictures figures tables layered distil export docs lint clean
+.PHONY: demo demo-fit test test-all node-test lab lab-check lab-picture coverage mutations bench pictures figures tables layered distil export docs docs-check theory-figures lint clean
 
 $(STAMP): constraints.txt setup.cfg pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -32,7 +32,8 @@ test: $(STAMP)  ## the suite without the slow checks
 test-all: $(STAMP)  ## the whole suite
 	$(PYTEST) -n 2
 
-pictures: $(STAMP)  ## the pictures of the README: two furnaces, gold and glass (about three minutes)
+pictures: $(STAMP)  ## the picture at the head of the README; two furnaces, gold and glass for the docs (about five minutes)
+	$(BIN)/python -m tools.hero docs/images/hero.png
 	$(BIN)/python -m tools.pictures docs/images
 
 demo-fit: $(STAMP)  ## inverse rendering of gold and glass, with all bounces and with one; docs/images/fit.png
@@ -56,8 +57,14 @@ distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the pac
 export: $(STAMP)  ## the set of ONNX files with its parity table
 	$(BIN)/python -m export
 
-docs: $(DOCS)  ## the API pages, build/docs/index.html; warnings are errors
+docs: $(DOCS)  ## the documentation, build/docs/index.html, with the lobe lab if `make lab` built it; warnings are errors
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs build/docs
+
+docs-check: docs  ## no broken link, no missing picture; in headless Chromium, if there is one: all pages load, the search works
+	$(BIN)/python -m tools.check_site build/docs
+
+theory-figures: $(STAMP)  ## the figures of the pages of the theory, docs/images/theory (a minute)
+	$(BIN)/python benchmarks/theory_figures.py
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

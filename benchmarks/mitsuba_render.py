@@ -9,7 +9,6 @@ of the picture. `docs/images/mitsuba.png`: Mitsuba's own, torchms', and how far 
 import argparse
 import time
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -18,7 +17,7 @@ import numpy as np
 import torch
 from record import save
 
-from torchms.mitsuba import find_llvm, register
+from torchms.mitsuba import set_variant
 from torchms.render.images import write_picture
 
 OURS = {"roughconductor": "torchms_conductor", "roughdielectric": "torchms_dielectric"}
@@ -109,11 +108,10 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, default=Path(__file__).parents[1] / "docs" / "images" / "mitsuba.png")
     parser.add_argument("--out", type=Path, help="JSON file; benchmarks/results/mitsuba_render.json by default")
     options = parser.parse_args()
-    if options.variant.startswith("llvm") and find_llvm() is None:
-        parser.error("llvm variants need an LLVM of version 17 or later (Debian: libllvm19), or DRJIT_LIBLLVM_PATH.")
-    mi = import_module("mitsuba")
-    mi.set_variant(options.variant)
-    register()
+    try:
+        mi = set_variant(options.variant)
+    except ImportError as error:
+        parser.error(str(error))
     rows, strips = [], []
     for name in SCENES:
         row, pictures = measured(mi, name, options.size, options.spp, options.repetitions)

@@ -1,4 +1,9 @@
-"""Finds base colour, metallic and roughness of every pixel from pictures under eight lights.
+"""Maps from pictures
+==================
+
+Finds base colour, metallic and roughness of every pixel from pictures under eight lights.
+
+::
 
     python examples/gbuffer_fit.py --out fit.png
 

@@ -1,4 +1,9 @@
-"""A material as a network of the texture coordinates, learned from what random cameras saw under random lights.
+"""A material as a network
+=======================
+
+A material as a network of the texture coordinates, learned from what random cameras saw under random lights.
+
+::
 
     python examples/learned_material.py --out learned.png --onnx shader.onnx
 

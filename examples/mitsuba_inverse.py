@@ -1,4 +1,9 @@
-"""Inverse rendering inside Mitsuba 3: base colour and roughness of a metal body under an environment map, as maps.
+"""Inverse rendering in Mitsuba
+============================
+
+Inverse rendering inside Mitsuba 3: base colour and roughness of a metal body under an environment map, as maps.
+
+::
 
     python examples/mitsuba_inverse.py --out maps.png
 
@@ -15,7 +20,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from torchms.mitsuba import find_llvm, register
+from torchms.mitsuba import set_variant
 from torchms.render.images import write_picture
 
 COLOR, ROUGHNESS = "body.bsdf.base_color.data", "body.bsdf.roughness.data"
@@ -114,11 +119,10 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=240)
     parser.add_argument("--variant", default="llvm_ad_rgb")
     options = parser.parse_args()
-    if options.variant.startswith("llvm") and find_llvm() is None:
-        parser.error("llvm variants need an LLVM of version 17 or later (Debian: libllvm19), or DRJIT_LIBLLVM_PATH.")
-    mi = import_module("mitsuba")
-    mi.set_variant(options.variant)
-    register()
+    try:
+        mi = set_variant(options.variant)
+    except ImportError as error:
+        parser.error(str(error))
     truth, views = true_maps(options.texels), cameras(mi, options.views, options.size)
     real = scene(mi, truth, "all")
     targets = [mi.render(real, sensor=view, spp=16 * options.spp, seed=1000 + k) for k, view in enumerate(views)]

@@ -1,4 +1,9 @@
-"""Puts a G-buffer under an environment map, by importance sampling of the material and of the map in every pixel.
+"""A G-buffer under a sky
+======================
+
+Puts a G-buffer under an environment map, by importance sampling of the material and of the map in every pixel.
+
+::
 
     python examples/relight.py --out relit.png
     python examples/relight.py --environment sky.exr --samples 64 --out relit.png

@@ -102,27 +102,19 @@ def entries(options: Options):
                 yield Entry.of(name, content, parity, round(seconds, 1))
 
 
-def main() -> int:
-    """Run; the exit code."""
-    options = tyro.cli(Options, description=__doc__)
+def run(options: Options) -> int:
+    """Write the set and the table; 1 if a bound is missed, else 0."""
     from torchms.onnx.parity.table import FOOTNOTE, table
     from torchms.storage.write import check_writable, write_json
 
     done = []
-    try:
-        if options.json is not None:
-            check_writable(options.json, options.force)
-        options.out.mkdir(parents=True, exist_ok=True)
-        for entry in entries(options):
-            done.append(entry)
-            lines = table([entry]).splitlines()
-            print("\n".join(lines if len(done) == 1 else lines[2:]), flush=True)
-    except (ValueError, OSError, ImportError) as error:
-        print(f"export: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("export: interrupted; the files that were checked are in place.", file=sys.stderr)
-        return 130
+    if options.json is not None:
+        check_writable(options.json, options.force)
+    options.out.mkdir(parents=True, exist_ok=True)
+    for entry in entries(options):
+        done.append(entry)
+        lines = table([entry]).splitlines()
+        print("\n".join(lines if len(done) == 1 else lines[2:]), flush=True)
     print(FOOTNOTE)
     if options.json is not None:
         record = {
@@ -137,6 +129,14 @@ def main() -> int:
     failed = [entry.name for entry in done if entry.failed]
     print(f"{len(done)} files, {len(failed)} missed a bound" + (f": {', '.join(failed)}" if failed else "."))
     return 1 if failed else 0
+
+
+def main() -> int:
+    """Run; the exit code."""
+    options = tyro.cli(Options, description=__doc__)
+    from torchms.cli.exit_code import exit_code
+
+    return exit_code("export", lambda: run(options), "the files that were checked are in place.")
 
 
 if __name__ == "__main__":

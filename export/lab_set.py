@@ -166,15 +166,12 @@ def write(options: Options) -> int:
 def main() -> int:
     """Run; the exit code."""
     options = tyro.cli(Options, description=__doc__)
-    try:
+    from torchms.cli.exit_code import exit_code
+
+    def run() -> None:
         print(f"{write(options)} files in {options.out}.")
-    except (ValueError, OSError, ImportError) as error:
-        print(f"export: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("export: interrupted; the files that are there are whole, and are kept next time.", file=sys.stderr)
-        return 130
-    return 0
+
+    return exit_code("export", run, "the files that are there are whole, and are kept next time.")
 
 
 if __name__ == "__main__":

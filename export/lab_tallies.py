@@ -58,33 +58,35 @@ def traced(material: str, alpha: tuple[float, float], theta: float, options: Opt
     }
 
 
-def main() -> int:
-    """Run; the exit code."""
-    options = tyro.cli(Options, description=__doc__)
+def write(options: Options) -> None:
+    """Trace all cases, then write the file."""
     from torchms.storage.write import check_writable, write_whole
     from torchms.version import __version__
 
-    try:
-        check_writable(options.out, options.force)
-        cases = []
-        for material in ("conductor", "dielectric", "diffuse"):
-            for alpha in ALPHAS:
-                for theta in THETAS:
-                    cases.append(traced(material, alpha, theta, options))
-                    print(material, alpha, theta, flush=True)
-        content = {
-            "what": "Gaussian heightfields (Beckmann), light paths traced: F = 1, eta = 1.5, albedo 1; azimuth 0",
-            "command": f"python -m export.lab_tallies --rays {options.rays:g} --surfaces {options.surfaces} "
-            f"--size {options.size} --seed {options.seed}",
-            "torchms": __version__,
-            "bounces": ["1", "2", "3", "4+", "all"],
-            "cases": cases,
-        }
-        write_whole(options.out, json.dumps(content, separators=(",", ":")).encode(), options.force)
-    except (ValueError, OSError, ImportError) as error:
-        print(f"export: error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    check_writable(options.out, options.force)
+    cases = []
+    for material in ("conductor", "dielectric", "diffuse"):
+        for alpha in ALPHAS:
+            for theta in THETAS:
+                cases.append(traced(material, alpha, theta, options))
+                print(material, alpha, theta, flush=True)
+    content = {
+        "what": "Gaussian heightfields (Beckmann), light paths traced: F = 1, eta = 1.5, albedo 1; azimuth 0",
+        "command": f"python -m export.lab_tallies --rays {options.rays:g} --surfaces {options.surfaces} "
+        f"--size {options.size} --seed {options.seed}",
+        "torchms": __version__,
+        "bounces": ["1", "2", "3", "4+", "all"],
+        "cases": cases,
+    }
+    write_whole(options.out, json.dumps(content, separators=(",", ":")).encode(), options.force)
+
+
+def main() -> int:
+    """Run; the exit code."""
+    options = tyro.cli(Options, description=__doc__)
+    from torchms.cli.exit_code import exit_code
+
+    return exit_code("export", lambda: write(options), "no file was written.")
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ from torchms import (
     Segment,
     SingleBounce,
     Stream,
+    Tabulated,
     Turquin,
     Uncorrelated,
     Unidirectional,
@@ -71,12 +72,20 @@ def gtr(alpha: float | Tensor, alpha_y: float | Tensor = 0.25) -> GTR:
     return GTR(inside, 1 + 2 * alpha_y)
 
 
+def tabulated(alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> Tabulated:
+    """Slopes of three peaks, skewed and leaning, of rms 1 / √2 along x and y before they are scaled by the α."""
+    weights, means = [0.5, 0.3, 0.2], [[0.24, 0.34], [-0.4, -0.1], [0.0, -0.7]]
+    covariances = [[[0.3, 0.2], [0.2, 0.25]], [[0.9, -0.3], [-0.3, 0.8]], [[0.05, 0.0], [0.0, 0.1]]]
+    return Tabulated(weights, means, covariances, alpha, alpha_y)
+
+
 ELLIPTIC: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
 """Those with α_x and α_y, which the reference tables and other renderers have as well."""
 
 DISTRIBUTIONS: dict[str, Callable[..., MicrofacetDistribution]] = {
     **ELLIPTIC,
     "gtr": gtr,
+    "tabulated": tabulated,
     **{
         name: lambda alpha, alpha_y=0.25, c=cls: example(c, alpha, alpha_y)
         for name, cls in unnamed(MicrofacetDistribution).items()
@@ -114,6 +123,9 @@ COMPENSATIONS: dict[str, Callable[[int], Scattering]] = {
 DISTILLATES: dict[str, Callable[[int], Scattering]] = {"distilled": lambda max_order: Distilled()}
 """Learned sums over all bounces, of metal whose roughnesses lie within what they were learned for."""
 
+TRACED: dict[str, Callable[[int], Scattering]] = {"distilled-gaussian": lambda max_order: Distilled(surface="gaussian")}
+"""Learned from ray-traced surfaces: of metal with Beckmann's normals, not Smith's theory."""
+
 OTHERS: dict[str, Callable[[int], Scattering]] = {
     name: lambda max_order, c=cls: example(c, max_order=max_order)
     for name, cls in unnamed(Scattering).items()
@@ -121,7 +133,7 @@ OTHERS: dict[str, Callable[[int], Scattering]] = {
 }
 """Approximations without a line: `law_suite` knows what they must obey, the other tables what they should."""
 
-EVERY_SCATTERING = {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES, **OTHERS}
+EVERY_SCATTERING = {**SCATTERINGS, **COMPENSATIONS, **DISTILLATES, **TRACED, **OTHERS}
 
 FRESNELS: dict[str, Callable[[], Fresnel]] = {
     "ideal": Ideal,
@@ -178,11 +190,14 @@ def serves(material: str, scattering: str, distribution: str = "ggx", alpha: tup
     return True
 
 
-HEAVY = {"gtr", "bidirectional-uncorrelated"}
+HEAVY = {"gtr", "tabulated", "bidirectional-uncorrelated"}
 """What is integrated numerically, or costly and made of parts that others test: its laws over tables are slow tests.
 
-GTR has quick ones of its own, tests/unit/distributions/test_gtr.py.
+GTR and Tabulated have quick ones of their own, tests/unit/distributions/test_gtr.py and test_tabulated.py.
 """
+
+CHOOSING = {"tabulated"}
+"""Distributions whose visible normals follow a choice, which jumps at fixed random numbers: gradients are those of the mean."""
 
 
 def slow_if_heavy(key: Any) -> list[pytest.MarkDecorator]:
@@ -218,7 +233,7 @@ def surfaces() -> pytest.MarkDecorator:
         for m, s, d in itertools.product(ONE_OF_EACH, EVERY_SCATTERING, DISTRIBUTIONS)
         if serves(m, s, d, alphas_for(m, s))
     ]
-    quickest = {"single", *COMPENSATIONS, *DISTILLATES}
+    quickest = {"single", *COMPENSATIONS, *DISTILLATES, *TRACED}
     slow = [c for c in found if HEAVY & set(c) or (c[2] != next(iter(DISTRIBUTIONS)) and c[1] not in quickest)]
     return pytest.mark.parametrize(
         "material,scattering,distribution",

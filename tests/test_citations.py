@@ -1,4 +1,4 @@
-"""Every source that the code names is in the table, and every one of the table in the README."""
+"""Every source that the code names is in the table, and every one of the table in docs/references.md."""
 
 import re
 from pathlib import Path
@@ -21,7 +21,7 @@ def test_the_code_names_no_other_source() -> None:
 
 
 def test_the_readme_lists_them_all() -> None:
-    sources = (ROOT / "README.md").read_text().split("## Sources")[1]
+    sources = (ROOT / "docs" / "references.md").read_text().split("## Sources")[1]
     listed = dict(re.findall(r"^- \[(\w+\d{4})\] (.+)$", sources, re.M))
     assert set(listed) == set(PAPERS)
     for key, paper in PAPERS.items():

@@ -9,7 +9,8 @@ import pytest
 
 import torchms
 
-PAGE = (Path(__file__).parent.parent / "docs" / "api.md").read_text()
+DOCS = Path(__file__).parent.parent / "docs"
+PAGE = "\n".join(page.read_text() for page in [DOCS / "api.md", *sorted((DOCS / "api").glob("*.md"))])
 PARTS = tuple(name for name in torchms._MODULES if name != "testing")
 PACKAGES = ("torchms", *(f"torchms.{part}" for part in PARTS))
 NAMED = set(re.findall(r"\.\. auto\w+:: ([\w.]+)", PAGE))
@@ -21,7 +22,7 @@ def test_every_public_name_has_an_entry() -> None:
         for name in getattr(module, "__all__", dir(module)):
             public = getattr(module, name)
             if not (inspect.ismodule(public) or name.startswith("_")):
-                assert {f"{package}.{name}", f"torchms.{name}"} & NAMED, f"{package}.{name} is not in docs/api.md"
+                assert {f"{package}.{name}", f"torchms.{name}"} & NAMED, f"{package}.{name} is not in docs/api/"
 
 
 @pytest.mark.parametrize("path", sorted(NAMED))

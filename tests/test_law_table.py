@@ -16,6 +16,7 @@ from cases import (
     MATERIALS,
     SCATTERINGS,
     SEGMENTS,
+    TRACED,
     unnamed,
 )
 
@@ -26,7 +27,7 @@ TESTS = Path(__file__).parent
 OBJECTS = {
     "distribution": set(DISTRIBUTIONS),
     "segment": set(SEGMENTS),
-    "scattering": {*SCATTERINGS, *COMPENSATIONS, *DISTILLATES},
+    "scattering": {*SCATTERINGS, *COMPENSATIONS, *DISTILLATES, *TRACED},
     "bsdf": {material.partition("[")[0] for material in MATERIALS},
     "fresnel": set(FRESNELS),
 }
@@ -45,7 +46,7 @@ EXCUSED = {("limit", "distribution"): {*unnamed(torchms.MicrofacetDistribution)}
 """Cells with objects to which the law does not apply: which parameters are roughnesses is said in a line of `cases`."""
 
 SLOW = {
-    ("export", "distribution"): {"gtr", *unnamed(torchms.MicrofacetDistribution)},
+    ("export", "distribution"): {"gtr", "tabulated", *unnamed(torchms.MicrofacetDistribution)},
     ("gradient", "fresnel"): {*unnamed(torchms.fresnel.Fresnel)},
     ("export", "scattering"): {name for name in SCATTERINGS if name.startswith("bidirectional")},
 }
@@ -56,10 +57,12 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_distributions::test_projected_normals_cover_the_surface",
         "test_distributions::test_visible_normals_are_a_density",
         "test_law_suite::test_distributions_obey",
+        "test_tabulated::test_obeys = tabulated",
         "test_gtr::test_visible_normals_have_their_density = gtr",
     ],
     ("normalisation", "bsdf"): ["test_density::test_pdf_is_normalised_and_sample_follows_it"],
     ("chi²", "distribution"): [
+        "test_tabulated::test_obeys = tabulated",
         "test_law_suite::test_distributions_obey",
         "test_distributions::test_visible_normals_have_their_density",
         "test_gtr::test_visible_normals_have_their_density = gtr",
@@ -72,11 +75,13 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_energy::test_walks_go_where_orders_say",
         "test_compensation::test_orders_walks_and_energies_agree",
         "test_distilled::test_orders_walks_and_energies_agree",
+        "test_surface_lobes::test_walks_carry_the_lobes",
     ],
     ("limit", "distribution"): [
         "test_distributions::test_equal_alphas_are_isotropic",
         "test_limit::test_equal_alphas_are_isotropic",
         "test_gtr::test_gamma_2_is_ggx = gtr",
+        "test_tabulated::test_one_component_is_beckmann = tabulated",
     ],
     ("limit", "segment"): ["test_segment::test_one_bounce_is_G2"],
     ("limit", "scattering"): [
@@ -84,11 +89,13 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_limit::test_equal_alphas_are_isotropic",
         "test_compensation::test_first_order_is_the_single_bounce",
         "test_distilled::test_first_order_is_the_single_bounce",
+        "test_surface_lobes::test_equal_roughnesses_are_isotropic",
     ],
     ("symmetry", "distribution"): [
         "test_distributions::test_lambda_of_the_opposite_direction",
         "test_law_suite::test_distributions_obey",
         "test_properties::test_gtr_over_its_range = gtr",
+        "test_tabulated::test_obeys = tabulated",
     ],
     ("symmetry", "segment"): [
         "test_segment::test_reversed_path",
@@ -100,6 +107,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_compensation::test_kulla_conty_is_reciprocal = kulla-conty",
         "test_compensation::test_turquin_is_not = turquin",
         "test_distilled::test_reciprocity_and_the_symmetries_of_the_surface",
+        "test_surface_lobes::test_symmetries_of_the_surface",
     ],
     ("symmetry", "bsdf"): [
         "test_reciprocity::test_one_bounce_is_reciprocal",
@@ -113,6 +121,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_furnace::test_one_bounce_is_dark = single",
         "test_compensation::test_the_furnace_is_white",
         "test_distilled::test_the_furnace_is_white",
+        "test_surface_lobes::test_the_furnace_is_white",
     ],
     ("energy", "bsdf"): [
         "test_furnace::test_the_furnace_is_white",
@@ -123,6 +132,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_law_suite::test_distributions_obey",
         "test_distributions_mitsuba::test_density_of_normals = ggx, beckmann",
         "test_gtr::test_lambda_is_its_integral = gtr",
+        "test_tabulated::test_obeys = tabulated",
     ],
     ("agreement", "segment"): ["test_path_integral::test_second_order_is_the_integral"],
     ("agreement", "scattering"): [
@@ -133,6 +143,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_bidirectional::test_walks_go_where_it_says = bidirectional-uncorrelated",
         "test_compensation::test_orders_walks_and_energies_agree",
         "test_distilled::test_lobes_are_those_of_the_exact_model",
+        "test_surface_lobes::test_energies_are_those_of_the_traced_surface",
     ],
     ("agreement", "bsdf"): ["test_reference_energy::test_biased_models_conserve_energy"],
     ("gradient", "distribution"): [
@@ -141,6 +152,8 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_finite_everywhere::test_a_few_rows",
         "test_gtr::test_gradients = gtr",
         "test_gtr::test_value_and_gradient_are_finite_everywhere = gtr",
+        "test_tabulated::test_gradients = tabulated",
+        "test_tabulated::test_the_mean_gradient_of_samples_is_that_of_the_mean = tabulated",
     ],
     ("gradient", "segment"): [
         "test_law_suite::test_segments_obey",
@@ -153,6 +166,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_finite_everywhere::test_a_few_rows",
         "test_compensation::test_gradients_are_exact",
         "test_distilled::test_gradients_are_exact",
+        "test_surface_lobes::test_gradients_are_exact",
     ],
     ("gradient", "bsdf"): [
         "test_gradient::test_gradcheck_at_fixed_numbers",
@@ -173,6 +187,7 @@ LAWS: dict[tuple[str, str], list[str]] = {
         "test_files::test_parity = single, correlated, height-walk",
         "test_files::test_parity_over_the_tables",
         "test_distilled_export::test_a_file_is_eager",
+        "test_distilled_export::test_a_file_of_traced_lobes_is_eager",
     ],
     ("export", "bsdf"): ["test_files::test_parity = conductor, dielectric, diffuse"],
 }
@@ -216,7 +231,7 @@ def test_the_law_holds_for_every_object(law, column):
     missing = objects - {key for key, _ in cases}
     assert not missing, f"nothing holds {missing} to the law of {law}: see tests/cases.py"
     only_slow = objects - {key for key, slow in cases if not slow} - SLOW.get((law, column), set())
-    assert only_slow <= HEAVY - {"gtr"}, f"only slow tests hold {only_slow} to the law of {law}"
+    assert only_slow <= HEAVY - set(DISTRIBUTIONS), f"only slow tests hold {only_slow} to the law of {law}"
 
 
 @pytest.mark.parametrize("entry", sorted({entry for entries in LAWS.values() for entry in entries}))

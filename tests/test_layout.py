@@ -23,9 +23,9 @@ SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 LAYERS = (
     # What everything stands on.
-    ("version", "typing", "lazy", "storage", "cli.progress"),
+    ("version", "typing", "lazy", "storage", "cli.progress", "cli.exit_code"),
     ("maths", "machine"),
-    ("parameters.declared", "parameters.exchange", "parameters.maps"),
+    ("parameters.declared", "parameters.exchange", "parameters.maps", "slopes"),
     # A facet, the heights between facets, and both together.
     ("distributions", "fresnel"),
     ("sampling.warps", "sampling.uniforms", "sampling.point_sets", "sampling.stream"),
@@ -149,11 +149,11 @@ def test_files_of_others_are_read_in_one_place():
 
 
 def test_every_citation_has_a_source():
-    readme = (ROOT / "README.md").read_text()
-    sources = set(CITATION.findall(readme[readme.index("## Sources") :]))
+    page = (ROOT / "docs" / "references.md").read_text()
+    sources = set(CITATION.findall(page[page.index("## Sources") :]))
     cited = {key: str(p.relative_to(ROOT)) for p in SOURCES for key in CITATION.findall(p.read_text())}
     missing = {key: where for key, where in cited.items() if key not in sources}
-    assert not missing, f"not in README, Sources: {missing}"
+    assert not missing, f"not in docs/references.md, Sources: {missing}"
     assert len(cited) >= 10, "the pattern finds no citations"
 
 

@@ -21,7 +21,7 @@ def test_nothing_cites_what_is_not_in_the_repository() -> None:
 
 
 def test_its_sources_are_those_of_the_readme() -> None:
-    sources = (ROOT / "README.md").read_text().split("## Sources")[1]
+    sources = (ROOT / "docs" / "references.md").read_text().split("## Sources")[1]
     listed = set(re.findall(r"^- \[(\w+\d{4})\]", sources, re.M))
     cited = set(re.findall(r"\[([A-Z]\w+\d{4})[\],]", PAGE))
     assert len(cited) > 8 and cited <= listed

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from torchms.approximations import layered_table as at
 from torchms.approximations.chebyshev import polynomials
+from torchms.approximations.facet_reflectance import Met, reflected
 from torchms.approximations.layered import DiffuseBase, fingerprint, learned, lobes_file
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.metal_sampling import MetalProposal
@@ -50,11 +51,11 @@ def directions(x: Tensor) -> Vec3:
 
 class Samples(NamedTuple):
     """Of one roughness, (cosine nodes, points): basis (…, nodes) of the nodes at wo, and, over their density, the lobes of
-    the orders 2, 3 and ≥ 4 with F = 1 and of a white diffuse surface; x = (1 − c)⁵ at the facets' cosines; r."""
+    the orders 2, 3 and ≥ 4 with F = 1 and of a white diffuse surface; the facets that they meet; r."""
 
     basis: Tensor
     lobes: list[Tensor]
-    schlick: list[Tensor]
+    facets: list[Met]
     fall: Tensor
     diffuse: Tensor
 
@@ -84,7 +85,7 @@ def sampled(alpha: float) -> Samples:
     return Samples(
         lagrange(2 * d.z.sqrt() - 1, n),
         [lobe * over for lobe in rest.lobes],
-        [(1 - c) ** 5 for c in rest.cosines],
+        rest.facets,
         rest.fall,
         white / density,
     )
@@ -213,8 +214,7 @@ def order_energies(s: Samples, n: Tensor, one: tuple[Tensor, Tensor], levels: Te
     found = [one[0][:, None] * levels + one[1][:, None] * (1 - levels)]
     columns: list[list[Tensor]] = [[], [], []]
     for f0 in levels:
-        F2, F3, F4 = (f0 + (1 - f0) * x for x in s.schlick)
-        factors = F2**2, F3**3, F4**4 * (1 - s.fall) / (1 - s.fall * F4)
+        factors = reflected(f0, [f0 + (1 - f0) * met.first for met in s.facets], s.facets, s.fall)
         for column, lobe, factor in zip(columns, s.lobes, factors, strict=True):
             column.append((lobe * factor * at_o).mean(1))
     return found + [torch.stack(column, 1) for column in columns]

@@ -1,4 +1,4 @@
-"""The pictures of the README, about three minutes of one core: python -m tools.pictures [folder]."""
+"""Small pictures for the docs, about three minutes of one core: python -m tools.pictures [folder]."""
 
 import math
 import sys

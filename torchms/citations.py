@@ -99,7 +99,7 @@ PAPERS: dict[str, Paper] = {
         2022,
     ),
 }
-"""Every source by its key; the README lists them under Sources. (A key's year is that of the first copy we had.)"""
+"""Every source by its key; docs/references.md lists them. (A key's year is that of the first copy we had.)"""
 
 TOGETHER: dict[tuple[str, str], str] = {("RoughConductor", "GGX"): "Tokuyoshi2023"}
 """What two classes of one BSDF are made after: a conductor samples GGX by bounded visible normals."""

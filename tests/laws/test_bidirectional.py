@@ -292,7 +292,7 @@ def test_facets_met_first_are_spread(n, K, generator):
     for pair, length in enumerate(lengths):
         drawn = Drawn(u, pair, first, lengths, n)
         for against in (False, True):
-            numbers = [drawn.of(against, bounce) for bounce in range(length)]
+            numbers = [drawn.of(against, bounce, range(n)) for bounce in range(length)]
             assert all(len(some) == n for some in numbers)
             met += [] if against else [torch.stack(numbers[0][:2])]
         first += 2 * drawn.side

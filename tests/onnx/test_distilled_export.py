@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from cases import DISTILLATES, bsdf, each
+from cases import DISTILLATES, TRACED, bsdf, each
 
 from torchms.onnx import Evaluator, export
 
@@ -12,6 +12,15 @@ from torchms.onnx import Evaluator, export
 @each("scattering", DISTILLATES)
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
 def test_a_file_is_eager(scattering: str, distribution: str, tmp_path: Path, generator: torch.Generator) -> None:
+    _compare(scattering, distribution, tmp_path, generator)
+
+
+@each("scattering", TRACED)
+def test_a_file_of_traced_lobes_is_eager(scattering: str, tmp_path: Path, generator: torch.Generator) -> None:
+    _compare(scattering, "beckmann", tmp_path, generator)
+
+
+def _compare(scattering: str, distribution: str, tmp_path: Path, generator: torch.Generator) -> None:
     surface = bsdf("conductor[conductor]", scattering, distribution, dtype=torch.float32)
     path = export(surface, tmp_path / "distilled.onnx", parameters=("alpha", "alpha_y"))
     assert path.stat().st_size <= 100_000

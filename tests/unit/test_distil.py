@@ -12,7 +12,7 @@ from torchms.approximations.distil.__main__ import Options, main
 from torchms.approximations.distil.level import Level
 from torchms.approximations.distil.rows import OUTGOING, drawn
 from torchms.approximations.distil.training import inputs_of
-from torchms.approximations.distil.weights import Weights
+from torchms.approximations.distil.weights import Weights, sizes_of
 from torchms.approximations.distilled import NETWORKS
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.fresnel import Ideal
@@ -50,6 +50,18 @@ def test_what_was_trained_is_what_runs(generator):
     found = lobes.rest(GGX(rows.ax, rows.ay), split(rows.wi), split(rows.wo))
     expected = Level(weights).value(vector, weights.standardised(inputs))
     torch.testing.assert_close(sum(found.lobes), expected, rtol=2e-4, atol=0)
+
+
+def test_a_file_to_begin_with(generator):
+    """What is unfolded from a file gives the same level: a training goes on from there."""
+    weights, _, inputs = weights_and_rows(generator)
+    vector = weights.initial(generator)
+    vector = vector + 0.1 * torch.randn(len(vector), generator=generator)
+    pair, each = weights.folded(vector)
+    found = weights.unfolded(files.Distillate("metal", "GGX", (0.1, 1.0), *pair, {}, each))
+    assert sizes_of(files.Distillate("metal", "GGX", (0.1, 1.0), *pair, {}, each)) == ([6, 5], [4])
+    given, level = weights.standardised(inputs), Level(weights)
+    torch.testing.assert_close(level.value(found, given), level.value(vector, given), rtol=2e-4, atol=0)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 Scalar variants need Mitsuba alone; those of Dr.Jit need an LLVM of version 17 or later as well (Debian: libllvm19).
 """
 
+import gc
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -257,6 +258,24 @@ def test_updates_and_maps(variant):
     shown["alpha.value"] = 1.5
     with pytest.raises(ValueError, match=r"alpha.value must lie in \[0.03, 1\]; got 1.5"):
         shown.update()
+
+
+@needs_llvm
+@pytest.mark.parametrize("plugin", [GLASS, {"type": "torchms_conductor", "material": "Au"}], ids=["glass", "gold"])
+def test_nothing_lives_beside_a_plugin(variant, plugin):
+    """Mitsuba compiles every BSDF that lives: what is asked for defaults and metals is gone at once, without a collector."""
+    mi, dr = variant("llvm_ad_rgb"), import_module("drjit")
+
+    def place(bsdf: Any) -> int:
+        return int(dr.reinterpret_array(mi.UInt32, mi.BSDFPtr(bsdf))[0])
+
+    gc.collect()
+    gc.disable()
+    try:
+        bsdf = mi.load_dict(plugin)
+        assert place(mi.load_dict({"type": "diffuse"})) == place(bsdf) + 1
+    finally:
+        gc.enable()
 
 
 def test_no_mitsuba(monkeypatch):

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from torchms.approximations import diffuse_lobes, glass_lobes, metal_features, metal_lobes
+from torchms.approximations import diffuse_lobes, free_features, glass_lobes, metal_features, metal_lobes, surface_lobes
 from torchms.approximations import distilled_file as files
 from torchms.approximations.coordinates import ETA
 from torchms.approximations.diffuse_lobes import DiffuseLobes
@@ -18,7 +18,9 @@ from torchms.approximations.metal_features import above
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.metal_sampling import MetalProposal
 from torchms.approximations.metal_walk import metal_walk
+from torchms.approximations.surface_lobes import SurfaceLobes
 from torchms.distributions.base import EllipticDistribution
+from torchms.distributions.tabulated import Tabulated
 from torchms.estimators.base import Exit, Scattering
 from torchms.estimators.single_bounce import SingleBounce
 from torchms.maths.frame import Vec3
@@ -30,11 +32,21 @@ from torchms.paths.vertex import Vertex
 from torchms.sampling.proposals import Proposal
 
 KNOWN = ("GGX", "Beckmann")
+METAL = files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE)
+SMITH = ("metal", "diffuse", "reflected", "transmitted")
+"""Files that come with torchms for each of them."""
+SMITHS = files.Shape(metal_features.FEATURES, surface_lobes.OF_SMITH, metal_features.OF_ONE)
 NETWORKS = {
-    "metal": files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE),
+    "metal": METAL,
     "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
-    "reflected": files.Shape(glass_lobes.REFLECTED, 1),
-    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1),
+    "reflected": files.Shape(glass_lobes.REFLECTED, 1, glass_lobes.OF_ONE),
+    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1, glass_lobes.OF_ONE),
+    "gaussian": files.Shape(
+        metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, surface_lobes.ORDERS, SMITHS
+    ),
+    "scan": files.Shape(
+        free_features.FREE, surface_lobes.OUTPUTS, free_features.FREE_OF_ONE, surface_lobes.ORDERS, SMITHS, True
+    ),
 }
 """What a file may be about. Glass takes both of the last."""
 FACETS: dict[type[Vertex], str] = {Mirror: "metal", Diffuse: "diffuse", Refractive: "glass"}
@@ -45,7 +57,8 @@ class Distilled(Scattering):
     """All bounces without noise and without random numbers, learned from the exact estimators.
 
     Metal: index 0 of the orders is one bounce, exact; 1 and 2 are two and three bounces; 3 is all from four on together.
-    Any Fresnel term: each order meets facets at one effective cosine, which is exact to first order in the variation of F.
+    Any Fresnel term: from F at four cosines and means over the facets of each order, within 1 % of what each order of a metal
+    reflects (3 % of its third and further ones); not total reflection (`Dielectric` below 1 as a mirror), which is no such sum.
     Diffuse: the same orders, the first one included, with the albedo to the power of each. Glass: index 0 is one bounce,
     exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
     Reciprocal (for glass with the squares of the indices), positive and symmetric by construction. Energies are learned.
@@ -58,6 +71,9 @@ class Distilled(Scattering):
     table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
+    A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
+    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces of metal, Beckmann with α_x and α_y in [0.1, 1], in
+    place of those of Smith's theory, which is off by up to 0.036 in single energies there: see docs/what_smith_misses.md.
     """
 
     sources = ("Wang2022", "Cui2023")
@@ -66,10 +82,18 @@ class Distilled(Scattering):
     is_unbiased = False
     is_reciprocal = True
 
-    def __init__(self, table: str | Path | Sequence[str | Path] | None = None) -> None:
+    def __init__(self, table: str | Path | Sequence[str | Path] | None = None, *, surface: str | None = None) -> None:
         super().__init__()
-        if table is None:
-            found = [packaged(name, facet) for name in KNOWN for facet in NETWORKS]
+        if surface not in (None, "gaussian"):
+            raise ValueError(f'Distilled(surface=...) must be "gaussian" or None, Smith\'s theory; got {surface!r}.')
+        if surface is not None:
+            if table is not None:
+                raise ValueError(
+                    "Distilled(table=..., surface=...): a file says itself which surfaces it is about. Give one of them."
+                )
+            found = [packaged("Beckmann", surface)]
+        elif table is None:
+            found = [packaged(name, facet) for name in KNOWN for facet in SMITH]
         else:
             paths = [table] if isinstance(table, str | Path) else table
             if not isinstance(paths, Sequence) or not paths or not all(isinstance(p, str | Path) for p in paths):
@@ -84,6 +108,7 @@ class Distilled(Scattering):
         for each in found:
             self._add(each, {(x.distribution, x.facet): x for x in found})
         self.single = SingleBounce()
+        self.measured = next((each.slopes for each in found if each.slopes is not None), None)
 
     def _add(self, each: files.Distillate, all_of_them: dict[tuple[str, str], files.Distillate]) -> None:
         """Lobes of one file; glass is added with the file of what it transmits."""
@@ -91,6 +116,8 @@ class Distilled(Scattering):
         low, high = each.alpha
         if each.facet == "metal":
             key, lobes = f"{each.distribution} metal", MetalLobes(each)
+        elif each.facet in ("gaussian", "scan"):
+            key, lobes = f"{each.distribution} metal", SurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:
@@ -106,6 +133,13 @@ class Distilled(Scattering):
             low, high = max(low, other.alpha[0]), min(high, other.alpha[1])
         self.lobes[key], self.ranges[key] = lobes, (low, high)
 
+    @property
+    def slopes(self) -> Tabulated:
+        """Slopes of the surface that a file of `torchms distil` is about; ValueError for lobes of no one surface."""
+        if self.measured is None:
+            raise ValueError(f"Distilled.slopes: {', '.join(self.lobes)} is not about one surface. Name a file of one.")
+        return Tabulated(*self.measured)
+
     def n_uniforms(self, vertex: Vertex) -> int:
         if isinstance(vertex, Mirror):
             return 1 + vertex.n_uniforms + MetalProposal.n_uniforms
@@ -117,7 +151,7 @@ class Distilled(Scattering):
     def check(self, vertex: Vertex) -> None:
         kind = type(vertex.distribution).__name__
         key = self._key(vertex)
-        if key not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution):
+        if key not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution | Tabulated):
             raise ValueError(
                 f"Distilled(table=...) holds lobes of {', '.join(self.lobes)}; got {FACETS.get(type(vertex), 'facets')} "
                 f"with the distribution {kind}. {REMEDY}"
@@ -142,16 +176,16 @@ class Distilled(Scattering):
             )
 
     def proposal(self, vertex: Vertex) -> Proposal | None:
-        return MetalProposal(_elliptic(vertex)) if isinstance(vertex, Mirror) else None
+        return MetalProposal(self._elliptic(vertex)) if isinstance(vertex, Mirror) else None
 
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
         lobes = self.lobes[self._key(vertex)]
         if isinstance(vertex, Mirror):
-            assert isinstance(lobes, MetalLobes)
-            return [
-                *self.single.evaluate(vertex, wi, wo, u),
-                *lobes.orders(_elliptic(vertex), vertex.fresnel, wi, wo),
-            ]
+            assert isinstance(lobes, MetalLobes | SurfaceLobes)
+            single, distribution = self.single.evaluate(vertex, wi, wo, u), self._elliptic(vertex)
+            if isinstance(lobes, SurfaceLobes):
+                return lobes.orders(single[0], distribution, vertex.fresnel, wi, wo)
+            return [*single, *lobes.orders(distribution, vertex.fresnel, wi, wo)]
         if isinstance(vertex, Diffuse):
             assert isinstance(lobes, DiffuseLobes)
             return lobes.evaluate(vertex, wi, wo)
@@ -168,17 +202,29 @@ class Distilled(Scattering):
             assert isinstance(lobes, GlassLobes)
             yield from lobes.walk(vertex, wi, u)
             return
-        assert isinstance(vertex, Mirror) and isinstance(lobes, MetalLobes)
-        distribution, proposal = _elliptic(vertex), MetalProposal(_elliptic(vertex))
+        assert isinstance(vertex, Mirror) and isinstance(lobes, MetalLobes | SurfaceLobes)
+        distribution = self._elliptic(vertex)
 
         def rest(d: Vec3) -> tuple[list[Tensor], list[Tensor]]:
             white = lobes.rest(distribution, above(wi), d).lobes
+            if isinstance(lobes, SurfaceLobes):
+                return lobes.orders(torch.ones_like(d.z), distribution, vertex.fresnel, wi, d)[1:], white
             return lobes.orders(distribution, vertex.fresnel, wi, d), white
 
-        yield from metal_walk(vertex, self.single, proposal, rest, wi, u)
+        def first(d: Vec3) -> Tensor | None:
+            return lobes.rest(distribution, above(wi), above(d)).first if isinstance(lobes, SurfaceLobes) else None
+
+        yield from metal_walk(vertex, self.single, MetalProposal(distribution), rest, wi, u, first)
 
     def _key(self, vertex: Vertex) -> str:
         return f"{type(vertex.distribution).__name__} {FACETS.get(type(vertex), '')}"
+
+    def _elliptic(self, vertex: Vertex) -> EllipticDistribution:
+        """What the lobes of metal start from."""
+        lobes = self.lobes[self._key(vertex)]
+        found = lobes.facets if isinstance(lobes, SurfaceLobes) and lobes.facets is not None else vertex.distribution
+        assert isinstance(found, EllipticDistribution)
+        return found
 
     def extra_repr(self) -> str:
         return ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in self.ranges.items())
@@ -190,8 +236,3 @@ def packaged(distribution: str, facet: str) -> files.Distillate:
     name = f"distilled_{distribution.lower()}_{facet}.npz"
     with resources.as_file(resources.files("torchms.approximations") / name) as path:
         return files.read(path, NETWORKS)
-
-
-def _elliptic(vertex: Vertex) -> EllipticDistribution:
-    assert isinstance(vertex.distribution, EllipticDistribution)
-    return vertex.distribution

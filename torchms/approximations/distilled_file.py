@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.network import Layer
+from torchms.slopes.mixture import Mixture, checked
 from torchms.storage.archives import read_arrays, scalar, single
 from torchms.storage.write import write_whole
 
@@ -24,11 +25,21 @@ MOST_LAYERS = 8
 
 
 class Shape(NamedTuple):
-    """Inputs and outputs of a facet's network, and inputs of that of one direction, which has one output; 0 if it has none."""
+    """Inputs and outputs of a facet's network, and those of that of one direction; 0 inputs if it has none.
+
+    smith: of Smith's networks, if they are in the file, too. scan: whether slopes of a surface are.
+    """
 
     inputs: int
     outputs: int
     of_one: int = 0
+    outputs_of_one: int = 1
+    smith: "Shape | None" = None
+    scan: bool = False
+
+
+Weights = tuple[list[Layer], Tensor]
+"""Layers, and the linear part."""
 
 
 class Distillate(NamedTuple):
@@ -36,7 +47,8 @@ class Distillate(NamedTuple):
 
     facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
     roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
-    each: weights of what either direction brings, if there is that.
+    each: weights of what either direction brings, if there is that. smith: weights of both for Smith's lobes, where these are
+    corrected. slopes: of a measured surface.
     """
 
     facet: str
@@ -45,7 +57,9 @@ class Distillate(NamedTuple):
     layers: list[Layer]
     skip: Tensor
     certificate: dict[str, Any]
-    each: tuple[list[Layer], Tensor] | None = None
+    each: Weights | None = None
+    smith: tuple[Weights, Weights] | None = None
+    slopes: Mixture | None = None
 
 
 def write(path: str | Path, distillate: Distillate, force: bool = False) -> None:
@@ -58,11 +72,15 @@ def write(path: str | Path, distillate: Distillate, force: bool = False) -> None
         "certificate": np.array(json.dumps(distillate.certificate, allow_nan=False)),
     }
     networks = {"": (distillate.layers, distillate.skip)} | ({"each_": distillate.each} if distillate.each else {})
+    if distillate.smith:
+        networks |= dict(zip(("smith_", "smith_each_"), distillate.smith, strict=True))
     for name, (layers, skip) in networks.items():
         content[f"{name}skip"] = skip.detach().float().numpy()
         for k, (weight, offset) in enumerate(layers):
             content[f"{name}weight_{k}"] = weight.detach().float().numpy()
             content[f"{name}offset_{k}"] = offset.detach().float().numpy()
+    if distillate.slopes:
+        content |= {f"slopes_{name}": x for name, x in distillate.slopes._asdict().items()}
     file = io.BytesIO()
     np.savez_compressed(file, **content)
     write_whole(path, file.getvalue(), force)
@@ -97,14 +115,23 @@ def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
     if not 0 < low < high < math.inf:
         raise ValueError(f"{path.name} is for alpha in [{low:g}, {high:g}], which is no range. {REMEDY}")
     layers, skip = _network(arrays, "", shape.inputs, shape.outputs, path)
-    each = _network(arrays, "each_", shape.of_one, 1, path) if shape.of_one else None
+    each = _network(arrays, "each_", shape.of_one, shape.outputs_of_one, path) if shape.of_one else None
     distribution = str(scalar(arrays, "distribution", otherwise, REMEDY))
-    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each)
+    smith = None
+    if (s := shape.smith) is not None:
+        smith = (
+            _network(arrays, "smith_", s.inputs, s.outputs, path),
+            _network(arrays, "smith_each_", s.of_one, s.outputs_of_one, path),
+        )
+    slopes = None
+    if shape.scan:
+        if any(f"slopes_{name}" not in arrays for name in Mixture._fields):
+            raise ValueError(f"{otherwise}: it lacks the slopes of its surface. {REMEDY}")
+        slopes = checked(*(arrays[f"slopes_{name}"] for name in Mixture._fields), name=f"{path.name}: slopes")
+    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each, smith, slopes)
 
 
-def _network(
-    arrays: dict[str, np.ndarray], name: str, inputs: int, outputs: int, path: Path
-) -> tuple[list[Layer], Tensor]:
+def _network(arrays: dict[str, np.ndarray], name: str, inputs: int, outputs: int, path: Path) -> Weights:
     """Layers that fit to each other, and the linear part; ValueError otherwise."""
     depth = sum(key.startswith(f"{name}weight_") for key in arrays)
     if not 1 <= depth <= MOST_LAYERS:

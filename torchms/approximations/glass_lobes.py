@@ -3,7 +3,8 @@
 Seen from its own side, which has an index of 1, and with η that of the other side, a surface reflects exp(n_r) / π, a
 number that does not change when both directions are exchanged. What it transmits is η exp(n_t) / π, where n_t knows the
 direction in the thinner medium, that in the denser one, and the ratio of the indices above 1 only: so
-f(i → o) / n_o² = f(o → i) / n_i² holds exactly. Each has a network of its own.
+f(i → o) / n_o² = f(o → i) / n_i² holds exactly. Each has two networks of its own: one of the pair, and one of either
+direction, whose outputs are added and carry the energy that the direction asks for.
 """
 
 import math
@@ -23,7 +24,9 @@ from torchms.maths.frame import Vec3, select
 from torchms.paths.refractive import Refractive
 
 REFLECTED, TRANSMITTED = 21, 22
-"""Inputs of both networks."""
+"""Inputs of the networks of pairs."""
+OF_ONE = 12
+"""Inputs of those of one direction."""
 EXPONENT = (-30.0, 12.0)
 """Range of ln f: no network that was trained leaves it, and none overflows."""
 NEAR = 0.005
@@ -87,16 +90,49 @@ def transmitted_features(shape: pair.Shape, log_eta: Tensor, thin: pair.Seen, de
     ]
 
 
+def features_of_one(shape: pair.Shape, log_eta: Tensor, w: pair.Seen) -> list[Tensor]:
+    """Inputs for one direction in the frame of its side; η = n of the other side / n of this one."""
+    amplitude = torch.tanh(log_eta / 2)
+    sx, sy = shape.ax * w.w.x, shape.ay * w.w.y
+    return [
+        w.height,
+        w.w.z,
+        torch.log(w.height + 1e-2),
+        shape.log,
+        shape.sum,
+        shape.q * shape.q,
+        pair.slanted(shape, w.w),
+        shape.q * (sx * sx - sy * sy) / (w.length * w.length),
+        log_eta,
+        torch.log(amplitude * amplitude + 1e-3),
+        pair.root_sign(torch.exp(2 * log_eta) - 1 + w.w.z * w.w.z, STEP),
+        torch.sqrt(1 - w.height * w.height + 1e-4),
+    ]
+
+
+class Side(nn.Module):
+    """ln f of what is reflected, or of what is transmitted."""
+
+    def __init__(self, distillate: Distillate) -> None:
+        super().__init__()
+        assert distillate.each is not None
+        self.network = Network(distillate.layers, distillate.skip, pair.root_sign)
+        self.each = Network(*distillate.each, pair.root_sign)
+
+    def forward(self, pairs: Sequence[Tensor], of_both: Sequence[Tensor]) -> Tensor:
+        """From features of the pairs (…), and of both directions (2, …)."""
+        (level,), (both,) = self.network(pairs), self.each(of_both)
+        return level + (both[0] + both[1])
+
+
 class GlassLobes(nn.Module):
-    """The rest of rough glass of one kind of distribution, from two networks."""
+    """The rest of rough glass of one kind of distribution."""
 
     n_extra = GlassRest.n_uniforms
 
     def __init__(self, reflected: Distillate, transmitted: Distillate) -> None:
         super().__init__()
-        self.reflected, self.transmitted = (
-            Network(each.layers, each.skip, pair.root_sign) for each in (reflected, transmitted)
-        )
+        self.reflected, self.transmitted = Side(reflected), Side(transmitted)
         self.single = SingleBounce()
 
     def evaluate(self, vertex: Refractive, wi: Vec3, wo: Vec3) -> list[Tensor]:
@@ -136,11 +172,32 @@ class GlassLobes(nn.Module):
         i, o = pair.seen(distribution, pair.above(w)), pair.seen(distribution, pair.above(d))
         into_denser = eta > 1
         thin, dense = chosen(into_denser, i, o), chosen(into_denser, o, i)
-        (n_r,) = self.reflected(reflected_features(shape, log_eta, i, o))
-        (n_t,) = self.transmitted(transmitted_features(shape, log_eta.abs(), thin, dense))
         crosses = side != there
-        value = torch.exp(torch.where(crosses, n_t + log_eta, n_r).clamp(*EXPONENT)) * (d.z / math.pi)
+        # Seen from its own side, wo meets the inverse index if that is the other one.
+        log_etas = torch.stack(torch.broadcast_tensors(log_eta, torch.where(crosses, -log_eta, log_eta)))
+        of_both = features_of_one(shape, log_etas, stacked(i, o))
+        n_r = self.reflected(reflected_features(shape, log_eta, i, o), of_both)
+        n_t = self.transmitted(transmitted_features(shape, log_eta.abs(), thin, dense), of_both)
+        value = torch.exp(torch.where(crosses, n_t, n_r).clamp(*EXPONENT)) * scale(d.z, eta, crosses)
         return torch.where((wi.z != 0) & (wo.z != 0), value, 0.0)
+
+
+def scale(cos: Tensor, eta: Tensor, crosses: Tensor | bool) -> Tensor:
+    """What exp(n) is multiplied by for f · cos θ_o [1/sr]."""
+    factor = cos / math.pi
+    if isinstance(crosses, bool):
+        return factor * eta if crosses else factor
+    return torch.where(crosses, eta, 1.0) * factor
+
+
+def stacked(a: pair.Seen, b: pair.Seen) -> pair.Seen:
+    """Both, along a first axis."""
+
+    def both(x: Tensor, y: Tensor) -> Tensor:
+        return torch.stack(torch.broadcast_tensors(x, y))
+
+    rest = (both(x, y) for x, y in zip(a[1:], b[1:], strict=True))
+    return pair.Seen(Vec3(*(both(x, y) for x, y in zip(a.w, b.w, strict=True))), *rest)
 
 
 def chosen(mask: Tensor, a: pair.Seen, b: pair.Seen) -> pair.Seen:

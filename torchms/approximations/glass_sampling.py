@@ -41,14 +41,14 @@ class GlassRest(Proposal):
         again = torch.where(flat, u[0] / FLAT, (u[0] - FLAT) / (1 - FLAT))
         lobe = cosine_hemisphere(u[1], u[2])
         lobe = scaled(lobe, torch.where(u[3] < 0.5, -1.0, 1.0).to(lobe.z.dtype))
-        return select(flat, lobe, self._single.sample(wi, [again, u[1], u[2], u[3]]))
+        return select(flat, lobe, self.wider.sample(wi, [again, u[1], u[2], u[3]]))
 
     def density(self, wi: Vec3, wo: Vec3) -> Tensor:
         flat = (0.5 / math.pi) * wo.z.abs()
-        return FLAT * flat + (1 - FLAT) * self._single.density(wi, wo)
+        return FLAT * flat + (1 - FLAT) * self.wider.density(wi, wo)
 
     @property
-    def _single(self) -> DielectricProposal:
+    def wider(self) -> DielectricProposal:
         """That of the rougher surface."""
         distribution = self.vertex.distribution
         assert isinstance(distribution, EllipticDistribution)

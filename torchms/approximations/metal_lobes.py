@@ -1,26 +1,27 @@
 """All further bounces between mirror facets as smooth functions of both directions: no random numbers, no noise.
 
 With F = 1 everything after the first bounce leaves with g(wi, wo) = g(wo, wi), of which the orders 2, 3 and ≥ 4 have shares
-that sum to 1. g is a function of the pair times s(wi) s(wo), which carries the energy that either direction asks for. Each
-order meets facets at one effective cosine c_k, so with Fresnel it is F(c_k)^k of that, which is exact to first order in the
-variation of F. The orders from 4 on fall off by a factor r each:
-
-    Σ_{k ≥ 4} (1 − r) r^{k−4} F^k = F⁴ (1 − r) / (1 − r F).
+that sum to 1. g is a function of the pair times s(wi) s(wo), which carries the energy that either direction asks for. What
+is left of an order with another Fresnel term follows from means over the facets that it meets: see `facet_reflectance`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from torchms.approximations.distilled_file import Distillate
+from torchms.approximations.facet_reflectance import MEANS, Met, mean_reflectances, met, reflected
 from torchms.approximations.metal_features import above, features, features_of_one
 from torchms.approximations.network import Network, soft_sign
 from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel.base import Fresnel
+from torchms.fresnel.ideal import Ideal
 from torchms.maths.frame import Vec3
 
-OUTPUTS = 7
+OUTPUTS = 3 + 3 * MEANS + 1
+"""ln g; logarithms of the shares of the orders 2 and 3 over that of the others; means of each order; r."""
 MOST_FALL = 0.95
 """Largest ratio of one order to the one before it."""
 EXPONENT = (-14.0, 12.0)
@@ -28,11 +29,19 @@ EXPONENT = (-14.0, 12.0)
 
 
 class Rest(NamedTuple):
-    """f [1/sr], without cos θ_o, of the orders 2, 3 and ≥ 4 with F = 1; their facet cosines; the ratio r of the last."""
+    """f [1/sr], without cos θ_o, of the orders 2, 3 and ≥ 4 with F = 1; the facets that they meet; the ratio r of the last."""
 
     lobes: list[Tensor]
-    cosines: list[Tensor]
+    facets: list[Met]
     fall: Tensor
+
+
+def heads(outputs: Sequence[Tensor]) -> tuple[Tensor, Tensor, list[Met], Tensor]:
+    """Ratios of the shares of the orders 2 and 3 to that of the others, facets and r, from all outputs but ln g."""
+    second, third, *means, fall = outputs
+    facets = [met(means[MEANS * k : MEANS * (k + 1)], k) for k in range(3)]
+    a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
+    return a, b, facets, (0.5 * MOST_FALL) * (1 + soft_sign(fall))
 
 
 class MetalLobes(nn.Module):
@@ -46,18 +55,14 @@ class MetalLobes(nn.Module):
 
     def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Rest:
         """Kernel; both directions above the horizon."""
-        level, second, third, *cosines, fall = self.network(features(distribution, wi, wo))
+        level, *others = self.network(features(distribution, wi, wo))
         both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
         one, other = self.each(features_of_one(distribution, both))[0]
         level = level + (one + other)
         g = torch.exp(level.clamp(*EXPONENT))
-        a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
+        a, b, facets, fall = heads(others)
         last = g / (1 + a + b)
-        return Rest(
-            [last * a, last * b, last],
-            [0.5 + 0.5 * soft_sign(c) for c in cosines],
-            (0.5 * MOST_FALL) * (1 + soft_sign(fall)),
-        )
+        return Rest([last * a, last * b, last], facets, fall)
 
     def orders(self, distribution: EllipticDistribution, fresnel: Fresnel, wi: Vec3, wo: Vec3) -> list[Tensor]:
         """Kernel: f · cos θ_o [1/sr] of the orders 2, 3 and ≥ 4, each (C, …); 0 where a direction is not above."""
@@ -65,7 +70,7 @@ class MetalLobes(nn.Module):
         wi, wo = above(wi), above(wo)
         rest = self.rest(distribution, wi, wo)
         lobes = [torch.where(valid, lobe * wo.z, 0.0) for lobe in rest.lobes]
-        F2, F3, F4 = (fresnel.reflectance(c) for c in rest.cosines)
-        square = F4 * F4
-        tail = square * square * ((1 - rest.fall) / (1 - rest.fall * F4))
-        return [F2 * F2 * lobes[0], F3 * F3 * F3 * lobes[1], tail * lobes[2]]
+        if isinstance(fresnel, Ideal):
+            return [lobe[None] for lobe in lobes]
+        left = reflected(*mean_reflectances(fresnel, rest.facets), rest.facets, rest.fall)
+        return [share * lobe for share, lobe in zip(left, lobes, strict=True)]

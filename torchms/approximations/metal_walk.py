@@ -17,14 +17,26 @@ Rest = Callable[[Vec3], tuple[list[Tensor], list[Tensor]]]
 
 
 def metal_walk(
-    vertex: Mirror, single: Scattering, proposal: MetalProposal, rest: Rest, wi: Vec3, u: Sequence[Tensor]
+    vertex: Mirror,
+    single: Scattering,
+    proposal: MetalProposal,
+    rest: Rest,
+    wi: Vec3,
+    u: Sequence[Tensor],
+    factor: Callable[[Vec3], Tensor | None] = lambda d: None,
 ) -> Iterator[Exit]:
-    """One bounce of `single`, then one exit for each order of `rest`, all along one direction."""
+    """One bounce of `single`, then one exit for each order of `rest`, all along one direction.
+
+    factor: of a direction, what a surface's single bounce is over that of `single`; None is 1.
+    """
     # How often light leaves with the rest is chosen beforehand, close to how often it does: then the weights are right
     # whatever the choice.
     again = proposal.rest_share(wi)
     (first,) = single.walk(vertex, wi, u)
     weight, escapes = first.weight * (first.escapes / (1 - again)), (1 - again).expand_as(first.escapes)
+    once = factor(first.d)
+    if once is not None:
+        weight = weight * once
     yield Exit(first.d, weight, escapes, first.transmitted)
     d = proposal.sample_rest(wi, u[1 + vertex.n_uniforms :])
     d = Vec3(d.x, d.y, d.z.clamp_min(horizon(d.z.dtype)))

@@ -42,7 +42,7 @@ class BSDF(Parametric, ABC):
     def _assemble(self, distribution: MicrofacetDistribution, scattering: Scattering) -> None:
         if not isinstance(distribution, MicrofacetDistribution):
             raise TypeError(
-                f"{type(self).__name__}(distribution=...) must be GGX(...), Beckmann(...) or GTR(...); "
+                f"{type(self).__name__}(distribution=...) must be GGX(...), Beckmann(...), GTR(...) or Tabulated(...); "
                 f"got {distribution!r}."
             )
         if not isinstance(scattering, Scattering):

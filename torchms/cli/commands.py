@@ -6,6 +6,7 @@ from importlib import import_module
 
 import tyro
 
+from torchms.cli.exit_code import exit_code
 from torchms.cli.options import (
     EnergyOptions,
     ExportOptions,
@@ -13,7 +14,7 @@ from torchms.cli.options import (
     RenderOptions,
     SimulateOptions,
 )
-from torchms.cli.plain_options import FitMeasuredOptions, LabOptions, LutOptions
+from torchms.cli.plain_options import DistilOptions, FitMeasuredOptions, LabOptions, LutOptions
 from torchms.version import __version__
 
 COMMANDS: dict[str, tuple[type, str]] = {
@@ -24,6 +25,7 @@ COMMANDS: dict[str, tuple[type, str]] = {
     "export": (ExportOptions, "torchms.cli.export:run_export"),
     "lab": (LabOptions, "torchms.cli.lab:run_lab"),
     "lut": (LutOptions, "torchms.cli.lut:run_lut"),
+    "distil": (DistilOptions, "torchms.cli.distil:run_distil"),
     "fit-measured": (FitMeasuredOptions, "torchms.cli.fit_measured:run_fit_measured"),
 }
 """Name of a command, its options, and the function that runs it, imported only then."""
@@ -44,14 +46,8 @@ def _function(path: str) -> Callable[[object], None]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; the exit code is 0, 2 for arguments that do not fit, 130 when interrupted."""
-    try:
-        return _run(sys.argv[1:] if arguments is None else arguments)
-    except (ValueError, TypeError, OSError, ImportError) as error:
-        print(f"torchms: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("torchms: interrupted; no result was written.", file=sys.stderr)
-        return 130
+    given = sys.argv[1:] if arguments is None else arguments
+    return exit_code("torchms", lambda: _run(given), "no result was written.")
 
 
 def _run(arguments: list[str]) -> int:

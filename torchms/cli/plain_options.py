@@ -60,3 +60,41 @@ class FitMeasuredOptions:
     """Also write the numbers to this file."""
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Overwrite the files."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistilOptions:
+    """Learn the whole lobe of a measured surface of metal from ray-traced light on it, for `Distilled("scan.npz")`.
+
+    A stopped run goes on where it was if it is called again; under torchrun the light is traced by all processes.
+    Example: torchms distil --surface scan.npy --spacing 0.5 --height-scale 0.001 --out scan.npz
+    """
+
+    surface: Path
+    """Heights: .npy, a 16-bit or float .png or .tif, or a mesh."""
+    out: Path
+    """The file to write (.npz)."""
+    spacing: float | None = None
+    """Distance between neighbouring heights, in a unit of your choice; asked for but with a mesh."""
+    height_scale: float | None = None
+    """Length of one step of the map's values, in the same unit; asked for but with a mesh."""
+    periodic: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """The map repeats without a seam; otherwise it is mirrored."""
+    coarse: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Take the facets as they are, though they do not resolve the slopes."""
+    work: Path = Path("build/distil/scan")
+    """Folder of blocks of light and of checkpoints."""
+    paths: str | int | float = "8e6"
+    """Light paths to learn from."""
+    steps: int = 40
+    """Newton steps on the likelihood."""
+    held_out: str | int | float = "2.5e5"
+    """Light paths of each of 13 directions of incidence to be compared with."""
+    seed: int = 1
+    """Seed of everything."""
+    threads: int | None = None
+    """Threads of the simulation; one a core if it is not given."""
+    json: Path | None = None
+    """Also write the report to this file."""
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Overwrite the files."""

@@ -4,3 +4,4 @@ from torchms.distributions.base import MicrofacetDistribution as MicrofacetDistr
 from torchms.distributions.beckmann import Beckmann as Beckmann
 from torchms.distributions.ggx import GGX as GGX
 from torchms.distributions.gtr import GTR as GTR
+from torchms.distributions.tabulated import Tabulated as Tabulated

@@ -36,29 +36,30 @@ class Drawn:
     """The random numbers of one pair of walks, whose facets met first are spread evenly over those of all pairs.
 
     Orders 2 and 3 are mostly decided there. Shifted modulo 1, a uniform number is one, so every pair is as unbiased alone.
-    first: where its own numbers begin; lengths: bounces of all pairs, of which the numbers of the first begin at 1.
+    first: where its own numbers begin; lengths: bounces of all pairs, of which the numbers of the first begin at 1; stride:
+    numbers of a bounce.
     """
 
-    def __init__(self, u: Sequence[Tensor], pair: int, first: int, lengths: Sequence[int], n_uniforms: int) -> None:
-        self.u, self.pair, self.first, self.n = u, pair, first, n_uniforms
-        self.side = own_numbers(pair, lengths[pair], n_uniforms)
-        self.first_side = own_numbers(0, lengths[0], n_uniforms)
+    def __init__(self, u: Sequence[Tensor], pair: int, first: int, lengths: Sequence[int], stride: int) -> None:
+        self.u, self.pair, self.first, self.stride = u, pair, first, stride
+        self.side = own_numbers(pair, lengths[pair], stride)
+        self.first_side = own_numbers(0, lengths[0], stride)
 
-    def of(self, against: bool, bounce: int) -> tuple[Tensor, ...]:
-        """Those of one bounce of the walk from wi, or of the one `against` the light."""
-        place = self.first + against * self.side + bounce * self.n - (2 if self.pair else 0)
-        spread = 2 if self.pair and bounce == 0 else 0
+    def of(self, against: bool, bounce: int, which: range) -> tuple[Tensor, ...]:
+        """These of one bounce of the walk from wi, or of the one `against` the light."""
+        return tuple(self._number(against, bounce, i) for i in which)
+
+    def _number(self, against: bool, bounce: int, i: int) -> Tensor:
+        if self.pair == 0 or bounce > 0 or i > 1:
+            return self.u[self.first + against * self.side + bounce * self.stride + i - (2 if self.pair else 0)]
         # The same on both sides, so that a path and its reverse have the same value.
-        shared = (self.u[1 + against * self.first_side + i] + SPREAD[self.pair][i] for i in range(spread))
-        return (
-            *(torch.where(x >= 1, x - 1, x) for x in shared),
-            *(self.u[place + i] for i in range(spread, self.n)),
-        )
+        x = self.u[1 + against * self.first_side + i] + SPREAD[self.pair][i]
+        return torch.where(x >= 1, x - 1, x)
 
 
-def own_numbers(pair: int, length: int, n_uniforms: int) -> int:
+def own_numbers(pair: int, length: int, stride: int) -> int:
     """Random numbers that only one walk of a pair draws: all, but for the two of its first facet that are shifted ones."""
-    return length * n_uniforms - (2 if pair else 0)
+    return length * stride - (2 if pair else 0)
 
 
 def upright(w: Vec3) -> Vec3:
@@ -72,17 +73,17 @@ class Bidirectional(PathTracer):
 
     Every pair of sub-paths with s + t = k − 1 bounces is joined at a facet; the ways of one order are weighted by the
     balance heuristic over all of them. One path is a few such pairs of walks, see `lengths`, which meet facets spread
-    evenly at first. Unbiased for the model of
-    the `segment`: no thresholds. `attached`: see `PathTracer`; the default is right. Raises ValueError when it is put
-    into a dielectric with `Invariance`, which knows one side of the surface only.
+    evenly at first. Unbiased for the model of the `segment`: no thresholds. `attached`: see `PathTracer`; the default is
+    right. Raises ValueError when it is put into a dielectric with `Invariance`, which knows one side of the surface only.
     """
 
     sources = ("Wang2022",)
 
     def __init__(self, segment: Segment, max_order: int = 8, attached: bool | None = None) -> None:
-        if not isinstance(segment, Segment) or segment.n_uniforms:
+        if not isinstance(segment, Segment):
             raise TypeError(
-                f"Bidirectional(segment=...) must be Uncorrelated(), Correlated() or Invariance(); got {segment!r}."
+                "Bidirectional(segment=...) must be Uncorrelated(), Correlated(), Invariance() or RandomHeight(); got "
+                f"{segment!r}."
             )
         super().__init__(segment, max_order, attached)
         self.is_reciprocal = segment.is_reciprocal
@@ -102,7 +103,12 @@ class Bidirectional(PathTracer):
         return (K,) if K == 1 else (K, min(K, 5), min(K, 3), min(K, 3))
 
     def n_uniforms(self, vertex: Vertex) -> int:
-        return 1 + 2 * sum(own_numbers(i, length, vertex.n_uniforms) for i, length in enumerate(self.lengths))
+        stride = self._stride(vertex)
+        return 1 + 2 * sum(own_numbers(i, length, stride) for i, length in enumerate(self.lengths))
+
+    def _stride(self, vertex: Vertex) -> int:
+        """Random numbers of a bounce: those of the facet, then those of the leg that leads to it."""
+        return vertex.n_uniforms + self.segment.n_uniforms
 
     def evaluate(self, vertex: Vertex, wi: Vec3, wo: Vec3, u: Sequence[Tensor]) -> list[Tensor]:
         served = vertex.serves(wi) & vertex.serves(wo)
@@ -113,7 +119,7 @@ class Bidirectional(PathTracer):
         counts = [0] * self.max_order
         first = 1
         for i, length in enumerate(self.lengths):
-            drawn = Drawn(u, i, first, self.lengths, vertex.n_uniforms)
+            drawn = Drawn(u, i, first, self.lengths, self._stride(vertex))
             # Where no facet is drawn for it, order 1 is the same number from every pair.
             lowest = 1 if counts[0] == 0 or vertex.phase_needs_normal else 2
             for k, value in self._joined(vertex, wi, wo, drawn, length, lowest).items():
@@ -172,10 +178,11 @@ class Bidirectional(PathTracer):
             last = i == length - 1
             numbers = normal = None
             if not last or vertex.phase_needs_normal:
-                numbers = drawn.of(against, i)
+                numbers = drawn.of(against, i, range(vertex.n_uniforms))
                 normal = vertex.visible_normal(w, numbers[0], numbers[1])
             view = View(w, distribution.guarded_area(w), normal, side)
-            leg = Leg(distribution.blocking(-w), up, crossed, back=distribution.blocking(w))
+            heights = drawn.of(against, i, range(vertex.n_uniforms, self._stride(vertex)))
+            leg = Leg(distribution.blocking(-w), up, crossed, heights, distribution.blocking(w))
             carried = weight
             if against and weight is not None:
                 eta2 = vertex.relative_eta2(side, entered)

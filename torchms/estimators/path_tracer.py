@@ -7,7 +7,8 @@ from torch import Tensor
 
 from torchms.estimators.base import Exit, Scattering, check_max_order
 from torchms.maths.frame import Vec3, scaled
-from torchms.paths.detached import Anchors, differentiated
+from torchms.maths.numerics import differentiated
+from torchms.paths.detached import Anchors
 from torchms.paths.segments import Leg, Segment
 from torchms.paths.vertex import Bounce, Side, Vertex
 

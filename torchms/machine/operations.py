@@ -142,6 +142,15 @@ def _inner(program: Program, kind: str, a: list[int], b: list[int], large: bool)
     return total
 
 
+def _running(values: Values, out: Tensor, x: Tensor, dim: int, dtype: torch.dtype | None = None) -> Tensor:
+    """Sums of all elements up to each along an axis."""
+    columns = values.of(x, out.dtype).movedim(dim, 0)
+    totals = [columns[0]]
+    for column in columns[1:]:
+        totals.append(values.each("add", KINDS[out.dtype], column.shape, totals[-1], column))
+    return torch.stack(totals).movedim(0, dim)
+
+
 def _affine(
     values: Values, out: Tensor, bias: Tensor, a: Tensor, b: Tensor, beta: Number = 1, alpha: Number = 1
 ) -> Tensor:
@@ -172,4 +181,5 @@ SPECIAL: dict[str, Any] = {
     "mm": _product,
     "bmm": _product,
     "addmm": _affine,
+    "cumsum": _running,
 }

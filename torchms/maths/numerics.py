@@ -8,6 +8,7 @@ import contextlib
 
 import torch
 from torch import Tensor
+from torch.autograd import forward_ad
 
 
 def widened(x: Tensor) -> Tensor:
@@ -25,6 +26,16 @@ def own_precision(x: Tensor) -> contextlib.AbstractContextManager[object]:
 def has_values(x: Tensor) -> bool:
     """Whether the numbers of `x` can be looked at now: those of a meta or a fake tensor cannot."""
     return not x.is_meta and not isinstance(x, torch._subclasses.FakeTensor)
+
+
+def differentiated(*values: Tensor) -> bool:
+    """Whether a derivative with respect to any of these is wanted: if not, holding them is idle."""
+    if any(x.requires_grad for x in values):
+        return True
+    # Forward mode: no level is entered, then there is no tangent. (Asking each tensor takes as long as a small kernel.)
+    if torch.compiler.is_compiling() or forward_ad._current_level < 0:
+        return False
+    return any(forward_ad.unpack_dual(x).tangent is not None for x in values)
 
 
 def is_readable(x: Tensor) -> bool:

@@ -31,12 +31,14 @@ def borrowed(plugin: str, props: Any, names: Iterable[str], which: str) -> Any:
 
     class Seen(mi.TraversalCallback):
         def put(self, name: str, value: Any, flags: int, *rest: Any) -> None:
-            # What is no object comes as an address, which only Mitsuba can read.
             if name == which:
-                found.append(value if isinstance(value, mi.Texture) else mi.traverse(own)[name])
+                found.append(value)
 
+    # A class lives until Python's collector comes by. `own` must not live with it: Mitsuba compiles every BSDF there is.
     own.traverse(Seen())
-    return found[0]
+    value = found.pop()
+    # What is no object comes as an address, which only Mitsuba can read.
+    return value if isinstance(value, mi.Texture) else mi.traverse(own)[which]
 
 
 def alphas(plugin: str, props: Any) -> dict[str, Any]:

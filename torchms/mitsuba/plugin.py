@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import Any
 
+from torchms.mitsuba.llvm import OLDEST, find_llvm
 from torchms.mitsuba.materials import MATERIALS
 from torchms.mitsuba.surface import Surface
 
@@ -25,6 +26,21 @@ def register() -> None:
     if not _watching:
         mi.detail.add_variant_callback(lambda before, now: _register())
         _watching = True
+
+
+def set_variant(name: str) -> Any:
+    """Mitsuba, in the variant `name`, with the plugins.
+
+    Raises ImportError without Mitsuba 3, and for llvm variants where no library is found that Dr.Jit works with.
+    """
+    register()
+    if name.startswith("llvm") and find_llvm() is None:
+        raise ImportError(
+            f"{name} needs an LLVM of version {OLDEST} or later (Debian: libllvm19), or its path in DRJIT_LIBLLVM_PATH."
+        )
+    mi = import_module("mitsuba")
+    mi.set_variant(name)
+    return mi
 
 
 def _register() -> None:

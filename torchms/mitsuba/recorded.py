@@ -12,13 +12,18 @@ from torchms.bsdfs.base import BSDF
 from torchms.machine.record import Recorder, record
 from torchms.machine.simplify import simplified
 from torchms.maths.frame import Vec3
+from torchms.mitsuba.edge import swept
 from torchms.mitsuba.replay import Replay, Value
 from torchms.parameters.exchange import parameters, with_parameters
+from torchms.paths.refractive import Refractive
 
 Direction = tuple[Value, Value, Value]
 
 
 def _value(bsdf: BSDF, directions: Sequence[Vec3], numbers: Sequence[Tensor]) -> list[Tensor]:
+    if torch.is_grad_enabled() and isinstance(bsdf.vertex, Refractive):
+        first, *rest = kernels.ORDERS(bsdf, *directions, numbers)[0]
+        return [sum(rest, first * swept(bsdf.vertex, *directions))]
     (value,) = kernels.FORWARD(bsdf, *directions, numbers)
     return [value]
 

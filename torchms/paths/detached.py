@@ -14,10 +14,9 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
-from torch.autograd import forward_ad
 
 from torchms.maths.frame import Vec3
-from torchms.maths.numerics import score, smallest
+from torchms.maths.numerics import differentiated, score, smallest
 
 Anchors = Sequence[Tensor]
 """Heights n · d_z that the map follows: those of a path's ends, and ±n, between which all others are."""
@@ -28,16 +27,6 @@ class Detached(NamedTuple):
 
     d: Vec3
     growth: Tensor | None
-
-
-def differentiated(*values: Tensor) -> bool:
-    """Whether a derivative with respect to any of these is wanted: if not, holding them is idle."""
-    if any(x.requires_grad for x in values):
-        return True
-    # Forward mode: no level is entered, then there is no tangent. (Asking each tensor takes as long as a small kernel.)
-    if torch.compiler.is_compiling() or forward_ad._current_level < 0:
-        return False
-    return any(forward_ad.unpack_dual(x).tangent is not None for x in values)
 
 
 def constant(d: Vec3) -> Vec3:

@@ -1,13 +1,17 @@
 """The segment that draws its heights: the walk of [Heitz2016], leg by leg."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from torchms.maths.numerics import expm1, log1p
-from torchms.paths.segments import Leg, Segment
+from torchms.paths.segments.base import Joiner, Leg, Segment
+
+LEAST = 1e-12
+"""Smallest |Λ| that a height is drawn with."""
 
 
 class HeightState(NamedTuple):
@@ -38,6 +42,26 @@ class RandomHeight(Segment):
     def extend(self, state: HeightState, leg: Leg) -> HeightState:
         return self._descend(HeightState(state.stay, self._on_side_of(leg, state.log_U)), leg)
 
+    def joiner(self, forward: Sequence[Leg], backward: Sequence[Leg], monotone: bool) -> Joiner:
+        """Heights are drawn along the joined path, with the numbers of the legs of either walk."""
+        states = [self.start(forward[0], monotone)]
+        for leg in forward[1:]:
+            states.append(self.extend(states[-1], leg))
+
+        def joined(s: int, t: int, crossed: Tensor | None) -> Tensor:
+            state, ratio = states[s], backward[0].lam
+            for i in range(t, 0, -1):
+                leg = backward[i]
+                assert leg.back is not None
+                state = self.extend(state, Leg(leg.back, ~leg.up, crossed, leg.numbers))
+                # The legs of the other walk have brought |Λ(e_i)| in place of |Λ(−e_i)|.
+                ratio, crossed = ratio * (leg.lam / leg.back.clamp_min(LEAST)), leg.crossed
+            back = backward[0].back
+            assert back is not None
+            return self.escape(state, Leg(back, ~backward[0].up, crossed)) * ratio
+
+        return joined
+
     def _on_side_of(self, leg: Leg, log_U: Tensor) -> Tensor:
         if leg.crossed is None:
             return log_U
@@ -53,7 +77,7 @@ class RandomHeight(Segment):
     def _descend(self, state: HeightState, leg: Leg) -> HeightState:
         """Collide somewhere along `leg`: U' = U · q^(∓1 / Λ), q uniform in (U^Λ, 1) going up, in (0, 1) going down."""
         (number,) = leg.numbers
-        lam = leg.lam.clamp_min(1e-12)
+        lam = leg.lam.clamp_min(LEAST)
         blocked = torch.where(leg.up, -expm1(lam * state.log_U), 1.0)
         # A number that was rounded up to 1 counts as the last one below.
         passed = (number * blocked).clamp_max(1 - torch.finfo(lam.dtype).eps / 2)

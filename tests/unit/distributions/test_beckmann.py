@@ -10,7 +10,7 @@ import scipy.special
 import torch
 from torch import Tensor, nn
 
-from torchms.distributions import Beckmann, beckmann
+from torchms.distributions import Beckmann, gaussian_slopes
 
 F64 = torch.float64
 # Largest quantile of u in [0, 1): that of eps / 4 from either end.
@@ -25,7 +25,7 @@ def slopes_and_error(kappa: Tensor, gauss: Tensor) -> tuple[Tensor, Tensor]:
     """`visible_slope` and |F(x) / F(κ) − Φ| in float64, for the exact κ and Φ of the rounded arguments."""
     theta = torch.atan2(torch.ones_like(kappa).double(), kappa.double())
     rho, z = torch.sin(theta).to(kappa.dtype), torch.cos(theta).to(kappa.dtype)
-    x = beckmann.visible_slope(gauss, rho, z)
+    x = gaussian_slopes.visible_slope(gauss, rho, z)
     k, x64 = (z.double() / rho.double()).numpy(), x.double().numpy()
     k, x64 = np.broadcast_arrays(k, x64)
     # F(x) e^{κ²} = ∫_{−∞}^x (κ − s) e^{κ² − s²} ds, for κ < 0, and F(x) else; its forms that do not cancel.
@@ -74,7 +74,7 @@ def test_more_steps_change_nothing(dtype, monkeypatch):
     gauss = torch.linspace(-LAST[dtype], LAST[dtype], 201, dtype=dtype)[:, None]
     kappa = cotangents(dtype)
     _, error = slopes_and_error(kappa, gauss)
-    monkeypatch.setitem(beckmann.STEPS, dtype, beckmann.STEPS[dtype] + 2)
+    monkeypatch.setitem(gaussian_slopes.STEPS, dtype, gaussian_slopes.STEPS[dtype] + 2)
     _, more = slopes_and_error(kappa, gauss)
     # What is left is rounding: κ² eps.
     unit = torch.finfo(dtype).eps * (8 + 2 * kappa.double().clamp_max(0) ** 2)
@@ -85,7 +85,7 @@ def test_the_gradient_is_that_of_the_inverse():
     gauss = torch.tensor([-5.5, -2.0, -0.3, 0.4, 2.5, 3.0], dtype=F64)[:, None].requires_grad_()
     theta = torch.tensor([1e-4, 0.3, 0.8, 1.5, math.pi / 2, 1.7, 2.3, 2.9], dtype=F64)
     rho, z = torch.sin(theta).requires_grad_(), torch.cos(theta).requires_grad_()
-    assert torch.autograd.gradcheck(beckmann.visible_slope, (gauss, rho, z), eps=1e-7, atol=1e-5, rtol=1e-4)
+    assert torch.autograd.gradcheck(gaussian_slopes.visible_slope, (gauss, rho, z), eps=1e-7, atol=1e-5, rtol=1e-4)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, F64])

@@ -11,7 +11,8 @@ from torchms.approximations import distilled_file as files
 from torchms.approximations.distil import blocks, energies, held_out, refinement, training
 from torchms.approximations.distil.command import commit, run
 from torchms.approximations.distil.rows import surfaces
-from torchms.approximations.distil.weights import Weights
+from torchms.approximations.distil.weights import Weights, sizes_of
+from torchms.approximations.distilled import METAL
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.cli.progress import progress_bar
 from torchms.sampling.uniforms import generator_for
@@ -38,6 +39,8 @@ class Options:
     """Blocks of 65 536 pairs of directions."""
     paths: tuple[int, int] = (48, 144)
     """Bidirectional paths of each for two and three bounces, and walks for more."""
+    start: Path | None = None
+    """A file of lobes to begin with, in place of chance and Adam's steps; its layers take the place of the widths."""
     steps: int = 1000
     """Steps of Adam."""
     refinements: int = 160
@@ -64,6 +67,8 @@ def main(options: Options) -> None:
     rank, world = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
     check_writable(options.out, options.force)
     told = {k: v for k, v in asdict(options).items() if k not in ("out", "work", "force")}
+    if options.start:
+        told["start"] = options.start.name
     folder = options.work / options.distribution
     later = ("refinements", "held_out_points", "held_out_paths")
     begun = {name: value for name, value in told.items() if name not in later}
@@ -84,34 +89,23 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
     kind = options.distribution
     rows, lobe, targets = blocks.loaded(folder, options.blocks)
     inputs = training.inputs_of(kind, rows)
-    weights = Weights(options.widths, options.each, inputs)
+    begun = files.read(options.start, {"metal": METAL}) if options.start else None
+    weights = Weights(*(sizes_of(begun) if begun else (options.widths, options.each)), inputs)
     inputs, floor = weights.standardised(inputs), training.floors(kind, rows, targets[:, 0])
     cells = balanced(options, weights)
-    with progress_bar("training", options.steps) as advance:
-        vector = training.trained(
-            weights,
-            inputs,
-            targets,
-            floor,
-            cells,
-            options.steps,
-            options.seed + 3,
-            folder / "training.npz",
-            advance,
-        )
+    if begun:
+        vector = weights.unfolded(begun)
+    else:
+        with progress_bar("training", options.steps) as advance:
+            saved = folder / "training.npz"
+            vector = training.trained(
+                weights, inputs, targets, floor, cells, options.steps, options.seed + 3, saved, advance
+            )
     lobe = refinement.shares(lobe, targets[:, :4].sum(-1))
     data = refinement.Data(inputs, targets[:, 1:4].sum(-1), floor, lobe)
     with progress_bar("refinement", options.refinements) as advance:
-        vector = refinement.refined(
-            weights,
-            vector,
-            data,
-            cells,
-            options.refinements,
-            options.seed + 5,
-            folder / "refinement.npz",
-            advance,
-        )
+        saved = folder / "refinement.npz"
+        vector = refinement.refined(weights, vector, data, cells, options.refinements, options.seed + 5, saved, advance)
     others = max(options.steps // 5, 4)
     with progress_bar("other outputs", others) as advance:
         rest = refinement.others_anew(weights, vector, data, targets, others, advance)
@@ -126,6 +120,8 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
         options.held_out_paths,
     )
     certificate = certified(options, told, len(targets), errors)
+    if begun:
+        certificate["began with"] = {key: begun.certificate.get(key, "") for key in ("command", "commit")}
     files.write(options.out, found._replace(certificate=certificate), options.force)
     for name, values in errors.items():
         print(f"{name}: {values}")
@@ -177,7 +173,7 @@ def command(options: Options) -> str:
     words = ["python -m torchms.approximations.distil"]
     for name, value in asdict(options).items():
         if name not in ("out", "work", "force") and value != getattr(default, name):
-            numbers = value if isinstance(value, tuple) else (value,)
+            numbers = value if isinstance(value, tuple) else (getattr(value, "name", value),)
             words.append(f"--{name.replace('_', '-')} {' '.join(map(str, numbers))}")
     return " ".join(words)
 

@@ -61,11 +61,11 @@ def made(
 
 
 def loaded(folder: Path, count: int) -> tuple[Rows, Tensor, Tensor]:
-    """Rows, their shares in the square of a lobe (n) and targets (n, 8) of the first `count` blocks."""
+    """Rows, their shares in the square of a lobe (n) and targets (n, COLUMNS) of the first `count` blocks."""
     parts = [read_arrays(_path(folder, number), 1 << 26) for number in range(count)]
     joined = torch.from_numpy(np.concatenate([part["rows"] for part in parts]))
     targets = torch.from_numpy(np.concatenate([part["targets"] for part in parts]))
-    if targets.shape[1] != len(COLUMNS) or joined.shape != (len(targets), 9):
+    if targets.shape[1] != COLUMNS or joined.shape != (len(targets), 9):
         raise ValueError(f"{folder} holds blocks of another version. Name another folder.")
     return Rows(joined[:, 0], joined[:, 1], joined[:, 2:5], joined[:, 5:8]), joined[:, 8], targets
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 import torch
 import tyro
@@ -17,6 +17,7 @@ from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.cached import blocks
 from torchms.approximations.network import Layer
+from torchms.cli.exit_code import exit_code
 from torchms.cli.progress import progress_bar
 from torchms.storage.write import check_writable
 from torchms.version import __version__
@@ -39,6 +40,9 @@ class Common:
     force: bool = False
     """Overwrite the files."""
 
+    later: ClassVar[tuple[str, ...]] = ()
+    """Options that the blocks of data do not depend on."""
+
     @property
     def told(self) -> dict[str, Any]:
         """What the result depends on."""
@@ -51,8 +55,10 @@ class Common:
         layers: list[Layer],
         skip: Tensor,
         rows: int,
-        errors: dict[str, float],
+        paths: int,
+        errors: dict[str, Any],
         folder: Path,
+        each: tuple[list[Layer], Tensor] | None = None,
     ) -> None:
         """Put a file with its certificate at `out`."""
         default = {f.name: f.default for f in fields(self)}
@@ -68,9 +74,11 @@ class Common:
             "commit": commit(),
             "options": {k: list(v) if isinstance(v, tuple) else v for k, v in self.told.items()},
             "rows": rows,
+            "paths": rows * paths,
             "held_out": errors,
         }
-        files.write(out, files.Distillate(facet, self.distribution, self.alpha, layers, skip, certificate), self.force)
+        found = files.Distillate(facet, self.distribution, self.alpha, layers, skip, certificate, each)
+        files.write(out, found, self.force)
         print(f"{out}: {out.stat().st_size} bytes; {errors}")
 
 
@@ -91,7 +99,8 @@ def told(options: Common, facet: str, made: Callable[[int], dict[str, Tensor]]) 
         for path in value if isinstance(value, tuple) else (value,):
             check_writable(path, options.force)
     folder = options.work / options.distribution / facet
-    opened(folder, {"version": __version__, "format": files.FORMAT, **options.told})
+    begun = {name: value for name, value in options.told.items() if name not in (*options.later, "blocks")}
+    opened(folder, {"version": __version__, "format": files.FORMAT, **begun})
     with progress_bar("blocks of data", options.blocks) as advance:
         return blocks(folder, options.blocks, made, advance), folder
 
@@ -106,14 +115,9 @@ def finished(label: str, steps: int) -> Iterator[Callable[[int], None]]:
 def run(main: Callable[[C], None], kind: type[C]) -> None:
     """`main` with options of the command line; errors that a user can mend are one line on stderr."""
     torch.set_num_threads(int(os.environ.get("OMP_NUM_THREADS", os.cpu_count() or 1)))
-    try:
-        main(tyro.cli(kind))
-    except (ValueError, OSError) as error:
-        print(f"distil: error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("distil: interrupted; call it again with the same options to go on.", file=sys.stderr)
-        sys.exit(130)
+    code = exit_code("distil", lambda: main(tyro.cli(kind)), "call it again with the same options to go on.")
+    if code:
+        sys.exit(code)
 
 
 def commit() -> str:

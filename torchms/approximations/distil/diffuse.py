@@ -216,7 +216,7 @@ def main(options: Options) -> None:
             vector = minimised(terms, vector, steps, advance, only=net.linear() if last else None)
     off = terms[1].lacking(vector)
     errors = {"furnace_rms": float(off.square().mean().sqrt()), "furnace_max": float(off.abs().max())}
-    options.write("diffuse", options.out, *net.folded(vector, mean, spread), len(x), errors, folder)
+    options.write("diffuse", options.out, *net.folded(vector, mean, spread), len(x), sum(options.paths), errors, folder)
 
 
 def _standard(points: tuple[Tensor, Tensor, Tensor], mean: Tensor, spread: Tensor) -> tuple[Tensor, Tensor, Tensor]:

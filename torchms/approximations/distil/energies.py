@@ -17,20 +17,25 @@ POINTS = 2048
 
 
 class Cells(NamedTuple):
-    """inputs of c · POINTS pairs; weights (c · POINTS), cos θ_o dω of each; lost (c), 1 − E of one bounce."""
+    """inputs of c · K pairs; weights (c · K), cos θ_o dω of each; lost (c), what leaves after more than one bounce."""
 
     inputs: Inputs
     weights: Tensor
     lost: Tensor
 
+    @property
+    def points(self) -> int:
+        """K."""
+        return max(len(self.weights) // max(len(self.lost), 1), 1)
+
     def part(self, first: int, count: int) -> "Cells":
         """`count` of the cells."""
-        points = slice(first * POINTS, (first + count) * POINTS)
+        points = slice(first * self.points, (first + count) * self.points)
         return Cells(self.inputs.part(points), self.weights[points], self.lost[first : first + count])
 
     def energies(self, f: Tensor) -> Tensor:
         """∫ f cos θ_o dω [1] of each cell (c), from f [1/sr] at its points."""
-        return (f * self.weights).reshape(-1, POINTS).sum(-1)
+        return (f * self.weights).reshape(-1, self.points).sum(-1)
 
 
 @torch.no_grad()

@@ -64,13 +64,18 @@ def lobe_errors(lobes: MetalLobes, kind: str, where: Rows, seed: int, points: in
     mine = torch.cat([sum_of(lobes, one, some, rows) for some in torch.arange(len(rows.ax)).split(8192)])
     first, second = (orders(kind, rows, 2 * (seed * 4096 + half), n_paths) for half in (0, 1))
     weight = (rows.wo[:, 2] ** 2 / density.reshape(-1)).double()
-
-    def mean(x: Tensor) -> Tensor:
-        return (weight * x.double()).reshape(count, points).mean(-1)
-
     a, b = first[:, 1:].sum(-1), second[:, 1:].sum(-1)
-    size = mean((first[:, 0] + a) * (first[:, 0] + b))
-    return Errors((mean((mine - a) * (mine - b)).clamp_min(0) / size).sqrt(), (mean((a - b) ** 2) / 4 / size).sqrt())
+    return compared(*(x.double().reshape(count, points) for x in (mine, first[:, 0], a, b, weight)))
+
+
+def compared(mine: Tensor, first: Tensor, a: Tensor, b: Tensor, weight: Tensor) -> Errors:
+    """Of each cell: a model of the rest with two independent estimates of it, beside one bounce; (cells, points), float64.
+
+    weight: the square of what multiplies them, over the density of the points.
+    """
+    size = (weight * (first + a) * (first + b)).mean(-1)
+    error, noise = ((weight * x).mean(-1) / size for x in ((mine - a) * (mine - b), (a - b) ** 2 / 4))
+    return Errors(error.clamp_min(0).sqrt(), noise.sqrt())
 
 
 def sum_of(lobes: MetalLobes, distribution: Any, some: Tensor, rows: Rows) -> Tensor:

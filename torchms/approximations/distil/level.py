@@ -1,4 +1,4 @@
-"""The level of a metal's lobe in training, with its derivatives by the weights."""
+"""The level of a lobe in training, with its derivatives by the weights."""
 
 from itertools import pairwise
 
@@ -6,7 +6,6 @@ import torch
 from torch import Tensor
 
 from torchms.approximations.distil.weights import Inputs, Net, Weights
-from torchms.approximations.metal_lobes import EXPONENT
 
 
 class Level:
@@ -28,37 +27,35 @@ class Level:
 
     def value(self, vector: Tensor, inputs: Inputs) -> Tensor:
         """g (n)."""
-        return torch.exp(self.weights.outputs(vector, inputs)[:, 0].clamp(*EXPONENT))
+        return torch.exp(self.weights.outputs(vector, inputs)[:, 0].clamp(*self.weights.exponent))
 
     def derivatives(self, vector: Tensor, inputs: Inputs) -> tuple[Tensor, Tensor]:
         """g (n) and d ln g / d vector (n, len(places))."""
         pair, each = self.weights.split(vector)
-        level, columns = _derivatives(pair, inputs.pair)
-        one, of_one = _derivatives(each, inputs.one)
-        other, of_other = _derivatives(each, inputs.other)
+        level, columns = self._derivatives(pair, inputs.pair)
+        one, of_one = self._derivatives(each, inputs.one)
+        other, of_other = self._derivatives(each, inputs.other)
         level, columns = level + one + other, torch.cat([columns, of_one + of_other], 1)
-        low, high = EXPONENT
+        low, high = self.weights.exponent
         inside = (level > low) & (level < high)
         return torch.exp(level.clamp(low, high)), columns * inside[:, None]
 
-
-def _derivatives(net: Net, inputs: Tensor) -> tuple[Tensor, Tensor]:
-    """The first output (n), and its derivatives by all that it depends on, in the order of the vector."""
-    layers, skip = net
-    x, seen, slopes = inputs, [], []
-    for weight, offset in layers[:-1]:
-        z = torch.addmm(offset, x, weight.T)
-        inverse = 1 / (1 + z.abs())
-        seen.append(x)
-        slopes.append(inverse * inverse)
-        x = z * inverse
-    weight, offset = layers[-1]
-    found = x @ weight[0] + offset[0] + inputs @ skip
-    columns = [inputs, torch.ones_like(found)[:, None], x]
-    back = weight[0].expand_as(x)
-    for k in range(len(layers) - 2, -1, -1):
-        back = back * slopes[k]
-        columns.append(back)
-        columns.append((back[:, :, None] * seen[k][:, None, :]).flatten(1))
-        back = back @ layers[k][0]
-    return found, torch.cat(columns[::-1], 1)
+    def _derivatives(self, net: Net, inputs: Tensor) -> tuple[Tensor, Tensor]:
+        """The first output (n), and its derivatives by all that it depends on, in the order of the vector."""
+        (layers, skip), activation = net, self.weights.activation
+        x, seen, slopes = inputs, [], []
+        for weight, offset in layers[:-1]:
+            z = torch.addmm(offset, x, weight.T)
+            seen.append(x)
+            slopes.append(activation.slope(z))
+            x = activation.value(z)
+        weight, offset = layers[-1]
+        found = x @ weight[0] + offset[0] + inputs @ skip
+        columns = [inputs, torch.ones_like(found)[:, None], x]
+        back = weight[0].expand_as(x)
+        for k in range(len(layers) - 2, -1, -1):
+            back = back * slopes[k]
+            columns.append(back)
+            columns.append((back[:, :, None] * seen[k][:, None, :]).flatten(1))
+            back = back @ layers[k][0]
+        return found, torch.cat(columns[::-1], 1)

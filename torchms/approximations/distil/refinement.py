@@ -12,17 +12,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from torchms.approximations.distil.energies import POINTS, Cells
+from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.level import Level
 from torchms.approximations.distil.rows import OUTGOING
 from torchms.approximations.distil.training import loss
-from torchms.approximations.distil.weights import Inputs, Net, Weights, hidden
+from torchms.approximations.distil.weights import Inputs, Net, Weights
 from torchms.sampling.uniforms import generator_for, integers
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import write_whole
 
 ROWS = 1 << 18
-"""Rows of a step, drawn anew every REDRAWN steps."""
+"""Rows of a step."""
 CELLS = 128
 REDRAWN = 4
 LAST, MORE = 0.1, 4
@@ -72,10 +72,12 @@ def refined(
     seed: int,
     checkpoint: Path,
     advance: Callable[[int], None],
+    size: int = ROWS,
 ) -> Tensor:
     """`vector` after `steps` damped Gauss–Newton steps on relative squares and energies.
 
-    A step that ends a set of rows is kept in `checkpoint`, and gone on from: more steps may be asked for later.
+    size: rows of a step, drawn anew every REDRAWN steps. A step that ends a set of rows is kept in `checkpoint`, and gone on
+    from: more steps may be asked for later.
     """
     level, generator = Level(weights), generator_for(seed)
     damping, rows, some, held, hard = 1e-2, data, cells, data.f, cells.lost
@@ -93,7 +95,7 @@ def refined(
     for step in range(first, steps):
         if step % REDRAWN == 0:
             more = MORE if step >= (1 - LAST) * steps else 1
-            count, number = min(more * ROWS, len(data.f)), min(more * CELLS, len(cells.lost))
+            count, number = min(more * size, len(data.f)), min(more * CELLS, len(cells.lost))
             rows = data.part(int(integers(0, len(data.f) - count + 1, (), generator)), count)
             some = cells.part(int(integers(0, len(cells.lost) - number + 1, (), generator)), number)
             held, hard = _held(level, vector, rows, some)
@@ -121,12 +123,13 @@ def refined(
 def _held(level: Level, vector: Tensor, rows: Data, cells: Cells) -> tuple[Tensor, Tensor]:
     """Weights of the rows, and of the energies: those far off pull like their size, not like its square."""
     g = torch.cat([level.value(vector, x) for x in rows.inputs.split(CHUNK)])
-    off = _energies(level, vector, cells) - cells.lost
+    off = energies(level, vector, cells) - cells.lost
     weight = (LOBE * rows.lobe + RELATIVE / (g * g + rows.floor * rows.floor)) / len(g)
-    return weight, ENERGY / (1 + off.abs() / FAR) / len(off)
+    return weight, ENERGY / (1 + off.abs() / FAR) / max(len(off), 1)
 
 
-def _energies(level: Level, vector: Tensor, cells: Cells) -> Tensor:
+def energies(level: Level, vector: Tensor, cells: Cells) -> Tensor:
+    """What leaves by this level in each cell."""
     return cells.energies(torch.cat([level.value(vector, x) for x in cells.inputs.split(CHUNK)]))
 
 
@@ -138,7 +141,7 @@ def _objective(level: Level, vector: Tensor, rows: Data, cells: Cells, weight: T
     total = 0.0
     for x, f, w in _chunks(rows, weight):
         total += float((w * (level.value(vector, x) - f) ** 2).sum(dtype=torch.float64))
-    return total + float((hard * (_energies(level, vector, cells) - cells.lost) ** 2).sum(dtype=torch.float64))
+    return total + float((hard * (energies(level, vector, cells) - cells.lost) ** 2).sum(dtype=torch.float64))
 
 
 def _normal_equations(
@@ -156,23 +159,25 @@ def _normal_equations(
         g, derivatives = level.derivatives(vector, x)
         root = w.sqrt()
         add(derivatives * (root * g)[:, None], root * (g - f))
-    for part, factor in zip(_in_parts(cells), hard.sqrt().split(CHUNK // POINTS), strict=True):
+    for part, factor in _in_parts(cells, hard.sqrt()):
         g, derivatives = level.derivatives(vector, part.inputs)
-        summed = torch.bmm((g * part.weights).reshape(-1, 1, POINTS), derivatives.reshape(-1, POINTS, n))[:, 0]
+        each = len(part.lost), cells.points
+        summed = torch.bmm((g * part.weights).view(each[0], 1, each[1]), derivatives.view(*each, n))[:, 0]
         add(factor[:, None] * summed, factor * (part.energies(g) - part.lost))
     return matrix, slope
 
 
-def _in_parts(cells: Cells) -> Iterator[Cells]:
-    step = CHUNK // POINTS
+def _in_parts(cells: Cells, factors: Tensor) -> Iterator[tuple[Cells, Tensor]]:
+    step = max(CHUNK // cells.points, 1)
     for first in range(0, len(cells.lost), step):
-        yield cells.part(first, min(step, len(cells.lost) - first))
+        some = cells.part(first, min(step, len(cells.lost) - first))
+        yield some, factors[first : first + len(some.lost)]
 
 
 def others_anew(
     weights: Weights, vector: Tensor, data: Data, targets: Tensor, steps: int, advance: Callable[[int], None]
 ) -> Net:
-    """The last layer of all outputs but the first (6, hidden), (6) and their linear parts (6, FEATURES), by L-BFGS.
+    """Last layer of all n outputs but the first, (n, hidden) and (n), and their linear parts (n, FEATURES), by L-BFGS.
 
     ln g and the hidden layers, which were refined for it, stay.
     """
@@ -180,7 +185,7 @@ def others_anew(
     layers, _ = weights.split(vector)[0]
     weight, offset = layers[-1]
     with torch.no_grad():
-        known = torch.cat([hidden(layers, data.inputs.pair), data.inputs.pair], 1)
+        known = torch.cat([weights.hidden(layers, data.inputs.pair), data.inputs.pair], 1)
         level = torch.cat([weights.outputs(vector, x)[:, :1] for x in data.inputs.split(CHUNK)])
     rows = torch.cat([weight[1:], torch.zeros(len(weight) - 1, data.inputs.pair.shape[1])], 1).requires_grad_(True)
     shifts = offset[1:].clone().requires_grad_(True)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from torchms.approximations.distil.activations import ROOT
 from torchms.approximations.network import Layer, folded
-from torchms.approximations.pair_features import root_sign
 from torchms.sampling.uniforms import draw
 
 CHUNK = 4096
@@ -68,8 +68,8 @@ class Net:
         seen, slopes, hidden = [x], [], x
         for weight, offset in layers[:-1]:
             z = torch.addmm(offset, hidden, weight.T)
-            slopes.append(torch.rsqrt(1 + z * z) ** 3)
-            hidden = root_sign(z)
+            slopes.append(ROOT.slope(z))
+            hidden = ROOT.value(z)
             seen.append(hidden)
         weight, offset = layers[-1]
         return Traced(torch.addmm(offset, hidden, weight.T) + x @ skip.T, seen, slopes)

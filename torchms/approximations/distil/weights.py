@@ -8,9 +8,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from torchms.approximations.metal_features import FEATURES, OF_ONE
-from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL, OUTPUTS
-from torchms.approximations.network import Layer, folded, soft_sign
+from torchms.approximations.distil.activations import SOFT, Activation
+from torchms.approximations.distilled_file import Distillate
+from torchms.approximations.metal_lobes import EXPONENT, OUTPUTS, heads
+from torchms.approximations.network import Layer, folded
 from torchms.sampling.uniforms import draw
 
 Net = tuple[list[Layer], Tensor]
@@ -18,7 +19,7 @@ Net = tuple[list[Layer], Tensor]
 
 
 class Inputs(NamedTuple):
-    """Features of n pairs (n, FEATURES), and of the one and the other direction (n, OF_ONE)."""
+    """Features of n pairs, and of the one and the other direction of each; (n, features)."""
 
     pair: Tensor
     one: Tensor
@@ -35,28 +36,39 @@ class Inputs(NamedTuple):
 
 
 class Heads:
-    """What the outputs (n, 7) of the networks mean; the training's counterpart of `MetalLobes.rest`."""
+    """What the outputs (n, OUTPUTS) of the networks mean; the training's counterpart of `MetalLobes.rest`."""
 
     def __init__(self, outputs: Tensor) -> None:
-        self.level = torch.exp(outputs[:, 0].clamp(*EXPONENT))
-        a, b = torch.exp(outputs[:, 1].clamp(-9, 9)), torch.exp(outputs[:, 2].clamp(-9, 9))
+        level, *others = outputs.unbind(-1)
+        self.level = torch.exp(level.clamp(*EXPONENT))
+        a, b, self.facets, fall = heads(others)
         last = 1 / (1 + a + b)
         self.shares = torch.stack([a * last, b * last, last], -1)
-        self.cosines = 0.5 + 0.5 * soft_sign(outputs[:, 3:6])
-        fall = 0.5 * MOST_FALL * (1 + soft_sign(outputs[:, 6]))
-        self.mean_order = 4 + fall / (1 - fall)
+        self.rest = fall / (1 - fall)
+        """Mean number of bounces after the fourth, of light that has come to it."""
 
 
 class Weights:
     """Shapes of the layers within the vector, and the map between it and what a file holds.
 
-    The pair's network comes first, then that of each direction; each has its layers, then the linear part.
+    The pair's network comes first, then that of each direction; each has its layers, then the linear part. exponent: range
+    of the first output, whose mean is `start` to begin with.
     """
 
-    def __init__(self, widths: Sequence[int], each: Sequence[int], inputs: Inputs) -> None:
-        self.sizes = [FEATURES, *widths, OUTPUTS]
-        self.each = [OF_ONE, *each, 1]
-        self.length = sum(m * n + m for n, m in pairwise(self.sizes)) + FEATURES
+    def __init__(
+        self,
+        widths: Sequence[int],
+        each: Sequence[int],
+        inputs: Inputs,
+        outputs: int = OUTPUTS,
+        exponent: tuple[float, float] = EXPONENT,
+        start: float = -3.0,
+        activation: Activation = SOFT,
+    ) -> None:
+        self.sizes = [inputs.pair.shape[1], *widths, outputs]
+        self.each = [inputs.one.shape[1], *each, 1]
+        self.exponent, self.start, self.activation = exponent, start, activation
+        self.length = sum(m * n + m for n, m in pairwise(self.sizes)) + self.sizes[0]
         one = torch.cat([inputs.one, inputs.other])
         self.mean, self.spread = inputs.pair.mean(0), inputs.pair.std(0)
         self.mean_of_one, self.spread_of_one = one.mean(0), one.std(0)
@@ -69,7 +81,7 @@ class Weights:
     def initial(self, generator: torch.Generator) -> Tensor:
         """A vector to begin with."""
         parts = []
-        for sizes, size, level in ((self.sizes, 0.3, -3.0), (self.each, 0.1, 0.0)):
+        for sizes, size, level in ((self.sizes, 0.3, self.start), (self.each, 0.1, 0.0)):
             for k, (n, m) in enumerate(pairwise(sizes)):
                 last = k == len(sizes) - 2
                 # Uniform numbers of that standard deviation.
@@ -82,16 +94,43 @@ class Weights:
             parts.append(torch.zeros(sizes[0]))
         return torch.cat(parts)
 
+    def unfolded(self, distillate: Distillate) -> Tensor:
+        """The vector of what a file holds: of the linear parts only that of ln g is kept."""
+        assert distillate.each is not None
+        parts = []
+        for net, mean, spread in (
+            ((distillate.layers, distillate.skip), self.mean, self.spread),
+            (distillate.each, self.mean_of_one, self.spread_of_one),
+        ):
+            layers, skip = [(w.double(), b.double()) for w, b in net[0]], net[1].double()
+            layers[-1] = layers[-1][0], layers[-1][1] + skip @ mean.double()
+            layers[0] = layers[0][0] * spread, layers[0][1] + layers[0][0] @ mean.double()
+            parts += [x.flatten() for layer in layers for x in layer] + [skip[0] * spread]
+        return torch.cat(parts).float()
+
     def split(self, vector: Tensor) -> tuple[Net, Net]:
         """The networks of the pair and of each direction."""
         return _layers(vector[: self.length], self.sizes), _layers(vector[self.length :], self.each)
 
     def outputs(self, vector: Tensor, inputs: Inputs) -> Tensor:
-        """The outputs (n, 7) for standardised features."""
+        """The outputs (n, K) for standardised features."""
         pair, each = self.split(vector)
-        found = outputs(pair, inputs.pair)
-        of_one = outputs(each, inputs.one) + outputs(each, inputs.other)
+        found = self._outputs(pair, inputs.pair)
+        of_one = self._outputs(each, inputs.one) + self._outputs(each, inputs.other)
         return torch.cat([found[:, :1] + of_one, found[:, 1:]], 1)
+
+    def hidden(self, layers: list[Layer], x: Tensor) -> Tensor:
+        """What the last of the layers takes."""
+        for weight, offset in layers[:-1]:
+            x = self.activation.value(torch.addmm(offset, x, weight.T))
+        return x
+
+    def _outputs(self, net: Net, inputs: Tensor) -> Tensor:
+        """The outputs (n, K) of one network; its linear part is added to the first."""
+        layers, skip = net
+        weight, offset = layers[-1]
+        found = torch.addmm(offset, self.hidden(layers, inputs), weight.T)
+        return torch.cat([found[:, :1] + (inputs @ skip)[:, None], found[:, 1:]], 1)
 
     def folded(self, vector: Tensor, others: Net | None = None) -> tuple[Net, Net]:
         """Both networks for features as they are; the linear parts (outputs, features).
@@ -100,7 +139,7 @@ class Weights:
         """
         pair, each = self.split(vector.detach().double())
         layers, skip = pair
-        skip = torch.cat([skip[None], torch.zeros(OUTPUTS - 1, FEATURES, dtype=skip.dtype)])
+        skip = torch.cat([skip[None], torch.zeros(self.sizes[-1] - 1, self.sizes[0], dtype=skip.dtype)])
         if others is not None:
             ((weight, offset),), skip[1:] = others
             layers[-1][0][1:], layers[-1][1][1:] = weight, offset
@@ -108,19 +147,11 @@ class Weights:
         return folded(*pair, self.mean, self.spread), folded(*each, self.mean_of_one, self.spread_of_one)
 
 
-def hidden(layers: list[Layer], x: Tensor) -> Tensor:
-    """What the last of the layers takes."""
-    for weight, offset in layers[:-1]:
-        x = soft_sign(torch.addmm(offset, x, weight.T))
-    return x
-
-
-def outputs(net: Net, inputs: Tensor) -> Tensor:
-    """The outputs (n, K) of one network; its linear part is added to the first."""
-    layers, skip = net
-    weight, offset = layers[-1]
-    found = torch.addmm(offset, hidden(layers, inputs), weight.T)
-    return torch.cat([found[:, :1] + (inputs @ skip)[:, None], found[:, 1:]], 1)
+def sizes_of(distillate: Distillate) -> tuple[list[int], list[int]]:
+    """Units of the hidden layers of both networks of a file."""
+    assert distillate.each is not None
+    pair, each = ([len(offset) for _, offset in layers[:-1]] for layers in (distillate.layers, distillate.each[0]))
+    return pair, each
 
 
 def _layers(vector: Tensor, sizes: Sequence[int]) -> Net:

@@ -14,13 +14,13 @@ from torchms.microsurface.surfaces.files import encoded, read_heights, read_mesh
 from torchms.microsurface.surfaces.mesh import grid_of_mesh, mesh_of_grid
 from torchms.microsurface.surfaces.report import report
 from torchms.microsurface.surfaces.synthesis import MAX_SLOPE_CHANGE, checked_alpha, gaussian_heights
+from torchms.slopes.heights import Length, Spacing, checked_heights, checked_spacing
 from torchms.storage.write import check_writable, write_whole
 
 if TYPE_CHECKING:
     import trimesh
 
-Length = float | int
-Spacing = Length | tuple[Length, Length]
+    from torchms.distributions import Tabulated
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,7 @@ class Heightfield:
         if not periodic:
             h = np.concatenate([h, h[::-1]], axis=0)
             h = np.concatenate([h, h[:, ::-1]], axis=1)
-        pair = (spacing, spacing) if isinstance(spacing, int | float) else spacing
-        surface = Heightfield(h, checked_spacing(pair, "Heightfield.from_heights(spacing=...)"))
+        surface = Heightfield(h, checked_spacing(spacing, "Heightfield.from_heights(spacing=...)"))
         change = surface.texel_slope_change
         if change > MAX_SLOPE_CHANGE:
             warnings.warn(
@@ -173,6 +172,12 @@ class Heightfield:
         """One tile as a triangle mesh, (n_x + 1)(n_y + 1) vertices; the last row and column repeat the first."""
         return mesh_of_grid(np.pad(self.heights, ((0, 1), (0, 1)), mode="wrap"), self.spacing)
 
+    def distribution(self, components: int = 16) -> "Tabulated":
+        """The slopes of the tile's facets as a distribution for any BSDF, of at most so many Gaussian components."""
+        from torchms.distributions import Tabulated  # and torch, which a surface alone does not need
+
+        return Tabulated.from_heights(self.heights, self.spacing, periodic=True, components=components)
+
     def export(self, path: str | Path, *, force: bool = False) -> None:
         """Write the tile: .npy holds the heights, any other suffix (.ply, .obj, .stl, …) `mesh`, by trimesh.
 
@@ -189,29 +194,3 @@ class Heightfield:
             "alpha": list(self.alpha),
             "texel_slope_change": self.texel_slope_change,
         }
-
-
-def checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
-    """`heights` if they are a finite real array of at least 4 × 4, or ValueError."""
-    if heights.ndim != 2 or min(heights.shape) < 4 or heights.dtype.kind not in "fiub":
-        raise ValueError(
-            f"{name} must be a real 2-D array of at least 4 x 4 texels; got shape {heights.shape}, dtype "
-            f"{heights.dtype}. Pass one channel of the height map."
-        )
-    bad = ~np.isfinite(heights)
-    if bad.any():
-        first = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise ValueError(
-            f"{name} must be finite; got {heights[first]} at index {first} ({int(bad.sum())} of {heights.size} "
-            "texels). Fill or crop the holes of the measurement first."
-        )
-    return heights
-
-
-def checked_spacing(spacing: tuple[Length, Length], name: str) -> tuple[float, float]:
-    """`spacing` as two floats if both are finite and positive, or ValueError."""
-    if len(spacing) != 2 or not all(math.isfinite(step) and step > 0 for step in spacing):
-        raise ValueError(
-            f"{name} must be one or two finite lengths above 0; got {spacing}. It is the distance between texels."
-        )
-    return (float(spacing[0]), float(spacing[1]))

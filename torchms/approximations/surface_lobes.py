@@ -1,0 +1,112 @@
+"""Lobes of a real surface: Smith's, times what they are off by on ray-traced ones.
+
+    f_k = (Smith's f_k) · exp(c_k(wi, wo) + e_k(wi) + e_k(wo)),   k = 1, 2, 3, ≥ 4,
+
+with c_k unchanged if wi and wo are exchanged: reciprocal and positive whatever was learned. Smith's theory takes the
+heights and slopes of facets that light meets one after the other as independent; c_k holds what that misses.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from torchms.approximations.distilled_file import Distillate
+from torchms.approximations.free_features import free_features, free_features_of_one
+from torchms.approximations.metal_features import above, features, features_of_one
+from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL
+from torchms.approximations.network import Network, soft_sign
+from torchms.approximations.pair_features import root_sign
+from torchms.distributions.base import EllipticDistribution
+from torchms.distributions.beckmann import Beckmann
+from torchms.distributions.tabulated import Tabulated
+from torchms.fresnel.base import Fresnel
+from torchms.maths.frame import Vec3
+
+ORDERS = 4
+"""Orders with a correction of their own; the last is of four bounces and more."""
+OUTPUTS = ORDERS + 4
+"""Corrections, facet cosines of the orders 2, 3 and ≥ 4, and the fall of the last."""
+OF_SMITH = 3
+"""Outputs of Smith's network: ln of all orders from the second on, and of the second and the third over the others."""
+MOST = 8.0
+"""Largest |ln| of a correction."""
+
+
+class Corrected(NamedTuple):
+    """With F = 1: the factor of one bounce [1]; f [1/sr], without cos θ_o, of the orders 2, 3 and ≥ 4; their facets' cosines;
+    the ratio of one order from four on to the one before it."""
+
+    first: Tensor
+    lobes: list[Tensor]
+    cosines: list[Tensor]
+    fall: Tensor
+
+
+class SurfaceLobes(nn.Module):
+    """Lobes of explicit surfaces of metal, from Smith's and two networks: of the pair, and of each direction.
+
+    A file about "gaussian" surfaces holds for any roughness in its range; one about a "scan" for that surface, whose further
+    bounces start from those of Beckmann with its variances of slopes. Smith's networks are in the file, too: what is
+    corrected must stay what it was.
+    """
+
+    def __init__(self, distillate: Distillate) -> None:
+        super().__init__()
+        assert distillate.each is not None and distillate.smith is not None
+        smith, smith_each = distillate.smith
+        self.smith, self.smith_each = Network(*smith), Network(*smith_each)
+        self.network = Network(distillate.layers, distillate.skip, root_sign)
+        self.each = Network(*distillate.each, root_sign)
+        self.facets = None if distillate.slopes is None else as_beckmann(Tabulated(*distillate.slopes))
+        """What further bounces, and directions to sample, start from on a scan; elsewhere the facets of the surface."""
+
+    def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Corrected:
+        """Kernel; both directions above the horizon."""
+        found, shared = features(distribution, wi, wo), features_of_one
+        both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
+        level, second, third = self.smith(found)
+        one, other = self.smith_each(features_of_one(distribution, both))[0]
+        a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
+        last = torch.exp((level + (one + other)).clamp(*EXPONENT)) / (1 + a + b)
+        if self.facets is not None:
+            found, shared = free_features(distribution, wi, wo), free_features_of_one
+        outputs = self.network(found)
+        each = [one + other for one, other in self.each(shared(distribution, both))]
+        first, *factors = (torch.exp((c + e).clamp(-MOST, MOST)) for c, e in zip(outputs[:ORDERS], each, strict=True))
+        *cosines, fall = outputs[ORDERS:]
+        return Corrected(
+            first,
+            [lobe * factor for lobe, factor in zip((last * a, last * b, last), factors, strict=True)],
+            [0.5 + 0.5 * soft_sign(c) for c in cosines],
+            (0.5 * MOST_FALL) * (1 + soft_sign(fall)),
+        )
+
+    def orders(
+        self, single: Tensor, distribution: EllipticDistribution, fresnel: Fresnel, wi: Vec3, wo: Vec3
+    ) -> list[Tensor]:
+        """Kernel: f · cos θ_o [1/sr] of the orders 1, 2, 3 and ≥ 4, each (C, …); `single` is Smith's of one bounce.
+
+        Each order meets facets at one effective cosine c_k, so with Fresnel it is F(c_k)^k of what it is with F = 1, which is
+        exact to first order in the variation of F.
+        """
+        valid = (wi.z > 0) & (wo.z > 0)
+        found = self.rest(distribution, above(wi), above(wo))
+        two, three, more = (torch.where(valid, lobe * wo.z, 0.0) for lobe in found.lobes)
+        F2, F3, F4 = (fresnel.reflectance(c) for c in found.cosines)
+        square = F4 * F4
+        # Σ_{k ≥ 4} (1 − r) r^{k−4} F^k = F⁴ (1 − r) / (1 − r F).
+        tail = square * square * ((1 - found.fall) / (1 - found.fall * F4))
+        return [single * found.first, F2 * F2 * two, F3 * F3 * F3 * three, tail * more]
+
+
+def as_beckmann(tabulated: Tabulated) -> Beckmann:
+    """Beckmann with the same variances of slopes."""
+    return Beckmann(*(float(alpha) for alpha in tabulated.alphas))
+
+
+def of_smith(metal: Distillate) -> tuple[tuple[list, Tensor], tuple[list, Tensor]]:
+    """What `SurfaceLobes` starts from, of a file of Smith's lobes of metal: networks of the pair and of each direction."""
+    assert metal.each is not None
+    *hidden, (weight, offset) = metal.layers
+    return ([*hidden, (weight[:OF_SMITH], offset[:OF_SMITH])], metal.skip[:OF_SMITH]), metal.each

@@ -1,0 +1,86 @@
+"""`torchms distil`: the lobe of a measured surface, learned from ray-traced light."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from torchms.approximations import distilled_file
+from torchms.cli.arguments import parse_count
+from torchms.cli.plain_options import DistilOptions
+from torchms.microsurface.distil import light, scan
+from torchms.microsurface.surfaces.heightfield import Heightfield
+from torchms.storage.media import MESHES
+from torchms.storage.write import check_writable, write_json
+
+
+def run_distil(options: DistilOptions) -> None:
+    """Write the file, and print how far Smith's lobes and the learned ones are from held-out light.
+
+    Raises ValueError or OSError for options, a surface or a file that will not do.
+    """
+    check_writable(options.out, options.force)
+    if options.json is not None:
+        check_writable(options.json, options.force)
+    paths, held_out = parse_count(options.paths, "--paths", 1), parse_count(options.held_out, "--held-out", 2)
+    if options.steps < 1:
+        raise ValueError(f"--steps must be at least 1; got {options.steps}.")
+    surface = read(options)
+    scan.check(surface, options.coarse)
+    effort = scan.Effort(
+        blocks=-(-paths // light.PATHS),
+        steps=options.steps,
+        seed=options.seed,
+        held_out=held_out // 2,
+        threads=options.threads,
+    )
+    found = scan.distilled(surface, options.work, effort, {"command": command(options)})
+    if found is None:
+        return
+    distillate, rows = found
+    distilled_file.write(options.out, distillate, options.force)
+    if options.json is not None:
+        write_json(options.json, {"command": command(options), "rows": rows}, options.force)
+    show(rows)
+    print(f"{options.out}: {options.out.stat().st_size} bytes; Distilled({str(options.out)!r})")
+
+
+def read(options: DistilOptions) -> Heightfield:
+    """The surface of the options; ValueError if its units are not given."""
+    lengths = {"--spacing": options.spacing, "--height-scale": options.height_scale}
+    missing = [name for name, value in lengths.items() if value is None]
+    if missing and options.surface.suffix.lower() not in MESHES:
+        raise ValueError(
+            f"{options.surface} says nothing of its units: give {' and '.join(missing)}, the distance between neighbouring "
+            "heights and the length of one step of their values, in one unit."
+        )
+    spacing, height = options.spacing or 1.0, options.height_scale or 1.0
+    return Heightfield.from_file(options.surface, spacing, height_scale=height, periodic=options.periodic)
+
+
+def command(options: DistilOptions) -> str:
+    """What makes the same lobes again."""
+    words = ["torchms distil", f"--surface {shlex.quote(options.surface.name)}"]
+    default = DistilOptions(surface=Path(), out=Path())
+    for name in ("spacing", "height_scale", "periodic", "coarse", "paths", "steps", "held_out", "seed"):
+        value = getattr(options, name)
+        if value != getattr(default, name):
+            words.append(f"--{name.replace('_', '-')}" + ("" if value is True else f" {value}"))
+    return " ".join(words)
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """A table: each direction of incidence, and the error of each lobe."""
+    table = Table(title="RMS error of the lobe, of its own RMS [%]; largest gap of an order's energy [1e-4]")
+    for heading in ("theta", "phi", *scan.MODELS, "noise"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        cells = []
+        for name in scan.MODELS:
+            gap = max(abs(a - b) for a, b in zip(row[name]["energy"], row["energy"], strict=True))
+            cells.append(f"{100 * row[name]['lobe_error']:.2f}; {1e4 * gap:.0f}")
+        noise = f"{100 * row[scan.MODELS[0]]['noise']:.2f}; {1e4 * max(row['energy_noise']):.0f}"
+        table.add_row(f"{row['theta']:.2f}", f"{row['phi']:.2f}", *cells, noise)
+    Console(width=110).print(table)

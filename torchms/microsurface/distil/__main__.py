@@ -1,0 +1,117 @@
+"""python -m torchms.microsurface.distil: light on Gaussian surfaces, and a file of lobes for `Distilled`."""
+
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from torchms.approximations import distilled_file as files
+from torchms.approximations.distil.blocks import opened
+from torchms.approximations.distil.command import commit, run
+from torchms.approximations.distil.training import inputs_of
+from torchms.approximations.surface_lobes import of_smith
+from torchms.cli.progress import progress_bar
+from torchms.microsurface.distil import fit, light
+from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
+from torchms.microsurface.distil.smith import beckmann, smith_orders
+from torchms.storage.write import check_writable
+from torchms.version import __version__
+
+
+@dataclass
+class Options:
+    """Distil the light on Gaussian surfaces of metal: simulated paths, a small network, a file.
+
+    A stopped run goes on where it was if it is called again. Under torchrun the light is simulated by all processes.
+    """
+
+    alpha: tuple[float, float] = (0.1, 1.0)
+    """Smallest and largest roughness."""
+    out: Path = Path("gaussian.npz")
+    """The file."""
+    work: Path = Path("build/distil/gaussian")
+    """Folder of blocks of light and of checkpoints."""
+    blocks: int = 96
+    """Tiles of a million texels, each with 131 072 paths."""
+    steps: int = 24
+    """Newton steps on the likelihood."""
+    widths: tuple[int, ...] = (16, 12)
+    """Units of the hidden layers; cost and accuracy follow them."""
+    each: tuple[int, ...] = (8,)
+    """Units of the hidden layers of the network of each direction."""
+    seed: int = 100
+    """Seed of everything."""
+    threads: int | None = None
+    """Threads of the simulation; one a core if it is not given."""
+    force: bool = False
+    """Overwrite the file."""
+
+
+def main(options: Options) -> None:
+    """Run all of it. Raises ValueError for options that do not fit, FileExistsError for a file that is there."""
+    check(options)
+    check_writable(options.out, options.force)
+    rank, world = processes()
+    told = {k: v for k, v in asdict(options).items() if k not in ("out", "work", "force", "threads")}
+    opened(options.work, {"version": __version__, "alpha": list(options.alpha), "seed": options.seed})
+    numbers = list(range(rank, options.blocks, world))
+    threads = threads_of(options.threads, world)
+    with progress_bar("light", len(numbers)) as advance:
+        made = partial(light.gaussian_block, options.alpha, options.seed)
+        light.made(options.work, numbers, made, threads, advance)
+    wait_for_all(world)
+    if rank == 0:
+        finish(options, told)
+
+
+def finish(options: Options, told: dict[str, Any]) -> None:
+    """Learn from the blocks, and write the file."""
+    found = light.loaded(options.work, options.blocks, options.seed)
+    subject = fit.Subject(partial(inputs_of, "Beckmann"), smith_orders)
+    sizes = options.widths, options.each
+    (layers, skip), each = fit.learned(subject, found, sizes, options.steps, options.seed, options.work)
+    certificate = {
+        "command": command(options),
+        "torchms": __version__,
+        "torch": torch.__version__,
+        "commit": commit(),
+        "options": {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()},
+        "paths": options.blocks * light.PATHS,
+    }
+    distillate = files.Distillate(
+        "gaussian", "Beckmann", options.alpha, layers, skip, certificate, each, of_smith(beckmann())
+    )
+    files.write(options.out, distillate, options.force)
+    print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+def check(options: Options) -> None:
+    """ValueError for options that do not fit."""
+    low, high = options.alpha
+    if not 0.03 <= low < high <= 1:
+        raise ValueError(f"--alpha must be two numbers in [0.03, 1], the smaller one first; got {low:g} {high:g}.")
+    for name, least in {"blocks": 1, "steps": 1}.items():
+        if getattr(options, name) < least:
+            raise ValueError(f"--{name} must be at least {least}; got {getattr(options, name)}.")
+    if not 0 <= options.seed < 1 << 16:
+        raise ValueError(f"--seed must lie in [0, 65536); got {options.seed}.")
+    for name, widths in (("widths", options.widths), ("each", options.each)):
+        if not widths or min(widths) < 1 or len(widths) >= files.MOST_LAYERS:
+            raise ValueError(f"--{name} must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {widths}.")
+
+
+def command(options: Options) -> str:
+    """What makes the same lobes again."""
+    default = Options()
+    words = ["python -m torchms.microsurface.distil"]
+    for name, value in asdict(options).items():
+        if name not in ("out", "work", "force", "threads") and value != getattr(default, name):
+            numbers = value if isinstance(value, tuple) else (value,)
+            words.append(f"--{name.replace('_', '-')} {' '.join(map(str, numbers))}")
+    return " ".join(words)
+
+
+if __name__ == "__main__":
+    run(main, Options)

@@ -1,0 +1,125 @@
+"""Simulated light paths as rows: where each came from and where it left, after how many bounces; no bins."""
+
+import io
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from torchms.approximations.distil.rows import Rows, surfaces
+from torchms.evaluation.workers import Workers
+from torchms.microsurface.rays.grid import Grid
+from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
+from torchms.microsurface.simulation.exits import exits, stretched
+from torchms.microsurface.simulation.materials import MirrorFacets
+from torchms.microsurface.surfaces.heightfield import Heightfield
+from torchms.sampling.uniforms import draw, generator_for
+from torchms.storage.archives import read_arrays
+from torchms.storage.write import write_whole
+
+SIZE = 1024
+"""Texels along each edge of a Gaussian tile, 16 a correlation length."""
+BATCHES, DIRECTIONS, RAYS = 16, 4, 2048
+"""Roughnesses of one block, directions of incidence of each, and paths of each of those."""
+PATHS = BATCHES * DIRECTIONS * RAYS
+"""Paths of a block."""
+LONGEST = 30
+"""Most bounces that are followed."""
+KEPT = 0.1
+"""Share of the paths of one bounce that are kept; they stand for all of that direction."""
+MOST_BYTES = 1 << 28
+COLUMNS = ("ax", "ay", "wi", "wo", "order", "steep")
+
+Made = Callable[[int], dict[str, np.ndarray]]
+"""The rows of a block, by its number."""
+
+
+class Light(NamedTuple):
+    """Paths that left, direction by direction.
+
+    where: the directions (m), wo is left at wi. first: (m + 1) where the paths of each begin. rows: the paths (n).
+    order: (n) int64. steep: Σ (1 − c)⁵ (n). weight: paths (n) that each stands for, of RAYS a direction.
+    """
+
+    where: Rows
+    first: Tensor
+    rows: Rows
+    order: Tensor
+    steep: Tensor
+    weight: Tensor
+
+
+def gaussian_block(alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
+    """Light on one Gaussian tile that is stretched to BATCHES roughnesses."""
+    caster = GridTracer().bind(Grid.of(Heightfield.gaussian(1.0, size=SIZE, seed=seed * 1000 + number)))
+    where = surfaces(alpha, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number))
+    parts = []
+    for k in range(BATCHES):
+        some = slice(k * DIRECTIONS, (k + 1) * DIRECTIONS)
+        ax, ay = float(where.ax[some][0]), float(where.ay[some][0])
+        parts.append(_traced(stretched(caster, ax, ay), (ax, ay), where.wi[some], (number, k)))
+    return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
+
+
+def surface_block(caster: GridCaster, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
+    """Light on one explicit surface."""
+    wi = surfaces((0.1, 1.0), BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number)).wi
+    return _traced(caster, alpha, wi, (seed, number))
+
+
+def _traced(caster: GridCaster, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]) -> dict[str, np.ndarray]:
+    """RAYS paths from each direction, one after the other; in turns, so that each is all over the tile."""
+    unit = wi.double().numpy()
+    unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
+    found = exits(caster, MirrorFacets(), np.tile(unit, (RAYS, 1)), np.array(key, dtype=np.uint32), LONGEST)
+    n = len(unit)
+    sorted_by = np.arange(n * RAYS).reshape(RAYS, n).T.ravel()
+    ax, ay = (np.full(n * RAYS, a, dtype=np.float32) for a in alpha)
+    columns = (
+        ax,
+        ay,
+        np.repeat(unit.astype(np.float32), RAYS, 0),
+        *(x[sorted_by] for x in (found.wo, found.order, found.steep)),
+    )
+    return dict(zip(COLUMNS, columns, strict=True))
+
+
+def made(folder: Path, numbers: Sequence[int], block: Made, threads: int, advance: Callable[[int], None]) -> None:
+    """Write those of the blocks `numbers` that are not in `folder`, whole or not at all."""
+
+    def one(number: int) -> None:
+        path = folder / f"light-{number:05d}.npz"
+        if not path.exists():
+            file = io.BytesIO()
+            arrays = block(number)
+            np.savez(file, **{name: arrays[name] for name in COLUMNS})
+            write_whole(path, file.getvalue(), force=True)
+
+    with Workers(threads) as workers:
+        for _ in workers.map(one, numbers):
+            advance(1)
+
+
+def loaded(folder: Path, count: int, seed: int) -> Light:
+    """The paths of the first `count` blocks; of one bounce only KEPT of them, which weigh as much as all."""
+    parts: list[dict[str, np.ndarray]] = []
+    for number in range(count):
+        block = read_arrays(folder / f"light-{number:05d}.npz", MOST_BYTES)
+        order = block["order"].reshape(-1, RAYS)
+        u = draw(order.shape[:1], RAYS, 1, generator=generator_for(seed + number))[..., 0].numpy()
+        once = order == 1
+        kept = (order > 1) | (once & (u < KEPT))
+        weight = once.sum(1, keepdims=True) / np.maximum((once & kept).sum(1, keepdims=True), 1)
+        block["weight"] = np.where(once, weight, 1.0).astype(np.float32).ravel()
+        chosen = kept.ravel()
+        part = {name: block[name][chosen] for name in (*COLUMNS, "weight")}
+        part |= {f"{name} there": block[name][::RAYS] for name in ("ax", "ay", "wi")}
+        parts.append(part | {"kept": kept.sum(1)})
+    ax, ay, wi, wo, order, steep, weight, ax0, ay0, wi0, kept = (
+        torch.from_numpy(np.concatenate([part[name] for part in parts])) for name in parts[0]
+    )
+    first = torch.cat([torch.zeros(1, dtype=torch.int64), kept.cumsum(0)])
+    return Light(Rows(ax0, ay0, wi0, wi0), first, Rows(ax, ay, wi, wo), order.long(), steep, weight)

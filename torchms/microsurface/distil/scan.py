@@ -1,0 +1,149 @@
+"""Light on one explicit surface of metal, from the height map to a file of lobes for `Distilled`."""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from torchms.approximations import distilled_file as files
+from torchms.approximations.distil.blocks import opened
+from torchms.approximations.distil.command import commit
+from torchms.approximations.distil.rows import Rows
+from torchms.approximations.distil.training import inputs_of
+from torchms.approximations.free_features import free_features, free_features_of_one
+from torchms.approximations.surface_lobes import SurfaceLobes, as_beckmann, of_smith
+from torchms.cli.progress import progress_bar
+from torchms.distributions import Tabulated
+from torchms.estimators import SingleBounce
+from torchms.fresnel import Ideal
+from torchms.maths.frame import Vec3, split
+from torchms.microsurface.distil import fit, held_out, light
+from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
+from torchms.microsurface.distil.smith import beckmann, smith_orders
+from torchms.microsurface.rays.grid import Grid
+from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
+from torchms.microsurface.surfaces.heightfield import Heightfield
+from torchms.microsurface.surfaces.synthesis import MAX_SLOPE_CHANGE
+from torchms.paths.mirror import Mirror
+from torchms.version import __version__
+
+ALPHA = (0.03, 1.0)
+"""Range of the roughness of which Smith's lobes are known."""
+ANGLES, AZIMUTHS = (0.0, 0.5, 1.0, 1.4), 4
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much light, and how long it is learned from."""
+
+    blocks: int = 64
+    steps: int = 24
+    widths: tuple[int, ...] = (16, 12)
+    each: tuple[int, ...] = (8,)
+    seed: int = 1
+    held_out: int = 1 << 17
+    threads: int | None = None
+
+
+def check(surface: Heightfield, coarse: bool) -> None:
+    """ValueError for a surface too rough, too smooth or, unless `coarse`, measured too coarsely."""
+    change = surface.texel_slope_change
+    if change > MAX_SLOPE_CHANGE and not coarse:
+        raise ValueError(
+            f"distil(surface=...): the slope changes by {change:.2f} (rms) from texel to texel, more than the "
+            f"{MAX_SLOPE_CHANGE} that facets resolve, so its bounces would depend on the texels. Measure with a spacing of "
+            f"{surface.spacing[0] * MAX_SLOPE_CHANGE / change:.3g}, low-pass the heights, or say --coarse to take the facets "
+            "as they are."
+        )
+    for axis, alpha in zip("xy", surface.alpha, strict=True):
+        if not ALPHA[0] <= alpha <= ALPHA[1]:
+            raise ValueError(
+                f"distil(surface=...): alpha along {axis} is {alpha:.3g}, of which no lobes are known; it must lie in "
+                f"[{ALPHA[0]:g}, {ALPHA[1]:g}]. Check --spacing and --height-scale."
+            )
+
+
+def distilled(
+    surface: Heightfield, folder: Path, effort: Effort, about: dict[str, Any]
+) -> tuple[files.Distillate, list[dict[str, Any]]] | None:
+    """Lobes of `surface`, and how far Smith's and they are from light that nothing was learned from; None but in process 0.
+
+    folder: of blocks of light and checkpoints, gone on from. about: what the certificate says of the surface.
+    """
+    rank, world = processes()
+    tabulated = surface.distribution()
+    ax, ay = (float(alpha) for alpha in tabulated.alphas)
+    caster = GridTracer().bind(Grid.of(surface))
+    opened(folder, {"version": __version__, "seed": effort.seed, **about})
+    numbers = list(range(rank, effort.blocks, world))
+    block = partial(light.surface_block, caster, (ax, ay), effort.seed)
+    with progress_bar("light", len(numbers)) as advance:
+        light.made(folder, numbers, block, threads_of(effort.threads, world), advance)
+    wait_for_all(world)
+    if rank > 0:
+        return None
+    found = light.loaded(folder, effort.blocks, effort.seed)
+    subject = fit.Subject(
+        partial(inputs_of, "Beckmann", functions=(free_features, free_features_of_one)),
+        partial(smith_orders, first=tabulated),
+    )
+    sizes = effort.widths, effort.each
+    (layers, skip), each = fit.learned(subject, found, sizes, effort.steps, effort.seed, folder)
+    low, high = sorted((ax, ay))
+    slopes = tabulated.mixture
+    certificate = {
+        "torchms": __version__,
+        "torch": torch.__version__,
+        "commit": commit(),
+        "paths": found.begun,
+        **about,
+    }
+    made = files.Distillate(
+        "scan", "Tabulated", (0.99 * low, 1.01 * high), layers, skip, certificate, each, of_smith(beckmann()), slopes
+    )
+    rows = report(caster, tabulated, made, effort)
+    errors = {name: round(max(row[name]["lobe_error"] for row in rows), 5) for name in MODELS}
+    return made._replace(certificate=certificate | {"largest lobe error": errors}), rows
+
+
+MODELS = ("Smith, Beckmann", "Smith", "distilled")
+"""What is compared: Smith's theory with Beckmann of the same variances, with the surface's own slopes, and what was learned."""
+
+
+def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, effort: Effort) -> list[dict[str, Any]]:
+    """Energies and lobes of `MODELS` against light with other random numbers, at four angles and azimuths."""
+    ax, ay = (float(alpha) for alpha in tabulated.alphas)
+    cells = [
+        held_out.Cell(1.0, 1.0, theta, 2 * math.pi * k / AZIMUTHS)
+        for theta in ANGLES
+        for k in range(AZIMUTHS if theta > 0 else 1)
+    ]
+    with progress_bar("held-out light", held_out.HALVES) as advance:
+        traced = held_out.shares(
+            lambda number: caster, held_out.HALVES, cells, effort.held_out, effort.seed + 77, advance
+        )
+    lobes = SurfaceLobes(made)
+    facets, single = as_beckmann(tabulated), SingleBounce()
+
+    def rows_of(cell: held_out.Cell, wo: Tensor) -> Rows:
+        wi = torch.from_numpy(cell.wi).float().expand_as(wo)
+        return Rows(torch.full((len(wo),), ax), torch.full((len(wo),), ay), wi, wo)
+
+    @torch.no_grad()
+    def learned(cell: held_out.Cell, wo: Tensor) -> Tensor:
+        wi = torch.from_numpy(cell.wi).float().expand_as(wo)
+        i, o = (Vec3(*(x[None] for x in split(w))) for w in (wi, wo))
+        vertex = Mirror(tabulated, Ideal())
+        first = single.evaluate(vertex, i, o, ())[0]
+        return torch.stack([x[0, 0] for x in lobes.orders(first, facets, vertex.fresnel, i, o)], -1)
+
+    models = {
+        MODELS[0]: held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo)), cells),
+        MODELS[1]: held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo), tabulated), cells),
+        MODELS[2]: held_out.integrated(learned, cells),
+    }
+    return held_out.summary(cells, traced, models)

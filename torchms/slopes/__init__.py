@@ -1,0 +1,1 @@
+"""Statistics of slopes, in NumPy: those of height maps, their moments in bins, and mixtures of Gaussians that follow them."""
