@@ -1,11 +1,11 @@
 """How fast is compiled torchms against scalar code, Mitsuba and itself? Ratios of one run, two threads each.
 
     python benchmarks/speed.py [section …] [--quick]
-(sections: walks single backward scaling engines latency contention compiling bounds; all if none)
+(sections: walks single checked backward scaling engines latency contention compiling bounds; all if none)
 
 Times are medians of repetitions that alternate between the two sides, random numbers included. The yardstick of the
-walks is benchmarks/yardstick.py (Numba), that of the single bounce Mitsuba's roughconductor. Checked mode, which costs 2 to
-3 ns a direction, is off, as in the others. Numbers go to results/speed.json, a section at a time.
+walks is benchmarks/yardstick.py (Numba), that of the single bounce Mitsuba's roughconductor. Checked mode is off,
+as in the others, but for the section that measures it. Numbers go to results/speed.json, a section at a time.
 """
 
 import argparse
@@ -194,6 +194,30 @@ def single() -> list[dict[str, Any]]:
             }
             rows.append(row)
             print({k: round(v, 3) if isinstance(v, float) else v for k, v in row.items()}, flush=True)
+    return rows
+
+
+@torch.no_grad()
+def checked() -> list[dict[str, Any]]:
+    """What the checked mode costs a row of a compiled call on many rows, and a call on few."""
+    fast = ms.compile(ms.RoughConductor(ms.GGX(0.3), Conductor.metal("Cu"), ms.SingleBounce()))
+    rows = []
+    for n in (64, ROWS):
+        wi, wo = hemisphere(n, 1), hemisphere(n, 2)
+        calls = {"eval": lambda i=wi, o=wo: fast(i, o), "pdf": lambda i=wi, o=wo: fast.pdf(i, o)}
+        for what, call in calls.items():
+
+            def in_mode(on: bool, call: Callable[[], Any] = call) -> None:
+                before = ms.set_validation(on)
+                call()
+                ms.set_validation(before)
+
+            on, off = timed(
+                lambda f=in_mode: f(True), lambda f=in_mode: f(False), repeats=REPEATS if n > 4096 else 10 * REPEATS
+            )
+            rows.append({"what": what, "rows": n, "checked_us": on * 1e6, "unchecked_us": off * 1e6})
+            rows[-1]["ns_a_row"] = (on - off) / n * 1e9
+            print(rows[-1], flush=True)
     return rows
 
 
@@ -423,7 +447,9 @@ def bounds() -> list[dict[str, Any]]:
     return rows
 
 
-SECTIONS = {f.__name__: f for f in (walks, single, backward, scaling, engines, latency, contention, compiling, bounds)}
+SECTIONS = {
+    f.__name__: f for f in (walks, single, checked, backward, scaling, engines, latency, contention, compiling, bounds)
+}
 
 
 def main() -> None:

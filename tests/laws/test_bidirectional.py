@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,18 @@ from cases import (
 )
 from torch import Tensor
 
-from torchms import BSDF, GGX, Bidirectional, Correlated, HeightWalk, Scattering, SingleBounce, Unidirectional
+from torchms import (
+    BSDF,
+    GGX,
+    Bidirectional,
+    Correlated,
+    HeightWalk,
+    Invariance,
+    Scattering,
+    SingleBounce,
+    Unidirectional,
+)
+from torchms.estimators.bidirectional import Drawn, own_numbers
 from torchms.lobes import measure
 from torchms.sampling.stream import Stream
 from torchms.testing import Estimate, estimate, p_value, zscore
@@ -230,8 +242,8 @@ def test_order_one_is_the_single_bounce(material, segment, generator):
 def swapped(u: Tensor, lengths: tuple[int, ...], n: int) -> Tensor:
     """`u` with the numbers of the walk from wi and of the walk from wo exchanged, pair by pair."""
     parts, first = [u[..., :1]], 1
-    for length in lengths:
-        half = length * n
+    for pair, length in enumerate(lengths):
+        half = own_numbers(pair, length, n)
         parts += [u[..., first + half : first + 2 * half], u[..., first : first + half]]
         first += 2 * half
     return torch.cat([*parts, u[..., first:]], -1)
@@ -254,6 +266,43 @@ def test_reciprocity_is_exact_with_the_walks_exchanged(material, segment, distri
         torch.testing.assert_close(there, back, rtol=1e-9, atol=1e-13)
     else:
         assert (there - back)[:, 1:].abs().max() > 1e-3 * there.abs().max()
+
+
+class Watched(list[Tensor]):
+    """Random numbers that remember which of them were asked for."""
+
+    def __init__(self, numbers: Sequence[Tensor]) -> None:
+        super().__init__(numbers)
+        self.asked: list[int] = []
+
+    def __getitem__(self, k):
+        self.asked.append(k)
+        return super().__getitem__(k)
+
+
+@pytest.mark.parametrize("n", [2, 4])
+@pytest.mark.parametrize("K", [1, 2, 6])
+def test_facets_met_first_are_spread(n, K, generator):
+    """Every number but the first of all is drawn by one walk alone, but those of the first facets, which four pairs share:
+    a quarter of them falls into each quarter of either number, and a number is as likely as any other in every pair."""
+    lengths = Bidirectional(Invariance(), K).lengths
+    D = 1 + 2 * sum(own_numbers(i, length, n) for i, length in enumerate(lengths))
+    u = Watched(torch.rand(D, 4096, generator=generator, dtype=torch.float64).unbind(0))
+    first, met = 1, []
+    for pair, length in enumerate(lengths):
+        drawn = Drawn(u, pair, first, lengths, n)
+        for against in (False, True):
+            numbers = [drawn.of(against, bounce, range(n)) for bounce in range(length)]
+            assert all(len(some) == n for some in numbers)
+            met += [] if against else [torch.stack(numbers[0][:2])]
+        first += 2 * drawn.side
+    counts = [u.asked.count(k) for k in range(D)]
+    shared = {1, 2, 1 + lengths[0] * n, 2 + lengths[0] * n}
+    assert first == D and counts == [0, *(len(lengths) if k in shared else 1 for k in range(1, D))]
+    assert all(bool(((x >= 0) & (x < 1)).all()) for x in met)
+    if K > 1:
+        quarters = (torch.stack(met) * 4).floor().sort(0).values
+        assert torch.equal(quarters, torch.arange(4.0, dtype=torch.float64)[:, None, None].expand_as(quarters))
 
 
 @pytest.mark.parametrize("alpha", [0.25, 0.5, 1.0])

@@ -25,10 +25,11 @@ def set_validation(enabled: bool) -> bool:
     """Switch the checked mode on (as it is at first) or off, for the whole process; returns what it was.
 
     Checked, every method of a BSDF raises ValueError for a direction that is NaN, infinite or not of unit length
-    (| |w|² − 1 | ≤ 1e-3): one pass over the directions, 2 to 3 ns each; for a random number outside of [0, 1), save 1
-    itself, to which one may have been rounded; and for a parameter that has left its range since it was declared, as an
-    optimizer may move it. Unchecked, all are used as they are: a NaN gives a row that is 0 or NaN, another length or number
-    gives the value of no surface, and other rows keep their bits and their gradients either way.
+    (| |w|² − 1 | ≤ 1e-3), which eager code looks for in a pass over the directions, 2 to 3 ns each, and machine code on its
+    way; for a random number outside of [0, 1), save 1 itself, to which one may have been rounded; and for a parameter that
+    has left its range since it was declared, as an optimizer may move it. Unchecked, all are used as they are: a NaN gives a
+    row that is 0 or NaN, another length or number gives the value of no surface, and other rows keep their bits and their
+    gradients either way.
     While a graph is traced (`torch.compile`, `torch.export`, ONNX, fake tensors) and inside `torch.func` transforms of the
     directions nothing is checked. Raises TypeError if `enabled` is not a bool.
     """

@@ -20,7 +20,7 @@ def added(new: Program, name: str, kind: str, arguments: list, fast: bool) -> in
         return inner
     if name == "abs":
         return _absolute(new, kind, arguments[0])
-    if name == "and" and kind == "i" and (shifted := _logical_shift(new, *arguments)) is not None:
+    if fast and name == "and" and kind == "i" and (shifted := _logical_shift(new, *arguments)) is not None:
         return shifted
     if name == "mul" and kind in "fd":
         return _product(new, kind, *arguments)
