@@ -1,6 +1,7 @@
 """Scans of real surfaces: what is read, in which unit, and what is refused before anything large is made."""
 
 import hashlib
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -153,3 +154,15 @@ def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
     assert (tmp_path / "a.x3p").stat().st_size < 1 << 14
     with pytest.raises(ValueError, match=r"is of \d{7} bytes; at most 1048576"):
         Heightfield.from_file(tmp_path / "a.x3p")
+
+
+@pytest.mark.slow
+def test_the_page_runs(tmp_path, monkeypatch):
+    """docs/scans.md, its code one block after the other."""
+    pytest.importorskip("matplotlib", reason="has the ground's heights")
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parents[2] / "docs" / "scans.md").read_text()
+    names: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(compile(block, "docs/scans.md", "exec"), names)
+    assert names["tally"].n == 20_000 and names["steeper"].alphas[0] == pytest.approx(1, abs=0.1)

@@ -56,3 +56,13 @@ def test_mitsuba_inverse(tmp_path):
     lines = run("mitsuba_inverse", *small, "--out", str(out)).splitlines()
     errors = [float(x) for line in lines for x in line.replace(",", "").split() if x.startswith("0.")]
     assert len(errors) == 4 and all(error < 0.3 for error in errors) and out.stat().st_size > 200
+
+
+@pytest.mark.slow
+def test_scan(tmp_path):
+    """The slopes that the ground has come nearer to the rays on it than a Gaussian's do."""
+    out = tmp_path / "scan.png"
+    lines = run("scan", "--rays", "60000", "--components", "8", "--out", str(out)).splitlines()
+    first = {tuple(line.split()[1:3]): float(line.split()[3]) for line in lines if line.startswith("theta")}
+    off = {name: abs(first["0.0", name] - first["0.0", "rays"]) for name in ("Tabulated", "Beckmann")}
+    assert off["Tabulated"] < off["Beckmann"] and out.stat().st_size > 1000
