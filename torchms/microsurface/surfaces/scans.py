@@ -8,7 +8,7 @@ import numpy as np
 
 from torchms.storage.media import MOST_PIXELS
 
-TEXT = (".asc", ".csv", ".txt", ".xyz")
+TEXT = (".asc", ".txt", ".xyz")
 SCANS = (*TEXT, ".al3d", ".gwy", ".opd", ".plu", ".plux", ".sdf", ".sur", ".x3p")
 """Suffixes: matrices or points as text; what is read of others is SurfaceTopography's default channel."""
 MOST_BYTES = 16 * MOST_PIXELS
@@ -49,6 +49,7 @@ def read_scan(path: str | Path) -> Scan:
             unit = topography.unit
     except Exception as error:  # the library raises a dozen kinds for as many formats and kinds of damage
         told = (str(error).strip() or type(error).__name__).splitlines()[0]
+        told = "no known format of heights" if told.startswith("tried ") else told
         raise ValueError(f"the scan {path} cannot be read: {told}. Export it again, as .x3p.") from error
     if len(points) != 2:
         raise ValueError(f"the scan {path} is a line of {points[0]} heights, no map. Measure an area.")
