@@ -10,7 +10,7 @@ import torchms
 from torchms import fresnel
 from torchms.bsdfs.base import BSDF
 
-METHODS = ("metal",)
+METHODS = ("load", "metal")
 """Alternative constructors that may be called on a class."""
 
 

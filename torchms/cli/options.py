@@ -70,11 +70,11 @@ class SimulateOptions(ExplicitOptions):
     texels_per_correlation: float = 16.0
     """Texels in one correlation length."""
     surface: Path | None = None
-    """A measured surface instead: 16-bit PNG or TIFF height map, .npy, or a mesh (.ply, .obj, .stl, .off, .glb)."""
-    spacing: float = 1.0
-    """Distance between the texels of --surface."""
-    height_scale: float = 1.0
-    """Height of one step of the values of --surface, in the unit of --spacing."""
+    """A measured surface instead: a scan (.x3p, text), 16-bit PNG or TIFF, .npy, or a mesh (.ply, .obj, .stl, .off, .glb)."""
+    spacing: float | None = None
+    """Distance between the texels of --surface, unless its file says it."""
+    height_scale: float | None = None
+    """What the values of --surface are multiplied by to be in the unit of --spacing; asked for where they are 16-bit steps."""
     periodic: bool = False
     """Whether --surface tiles without a seam; otherwise it is mirrored."""
     interpolate_normals: bool = False

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from torchms.microsurface.simulation.plan import Plan as Plan
     from torchms.microsurface.simulation.simulate import simulate as simulate
     from torchms.microsurface.surfaces.heightfield import Heightfield as Heightfield
+    from torchms.microsurface.surfaces.holes import filled as filled
     from torchms.microsurface.surfaces.recipe import GaussianSurfaces as GaussianSurfaces
 
 _HOME = {
@@ -38,6 +39,7 @@ _HOME = {
     "Plan": "simulation.plan",
     "Tracer": "rays.tracer",
     "facets_of": "simulation.parts",
+    "filled": "surfaces.holes",
     "simulate": "simulation.simulate",
     "surfaces_of": "simulation.parts",
 }

@@ -18,10 +18,12 @@ def checked_heights(heights: np.ndarray, name: str) -> np.ndarray:
         )
     bad = ~np.isfinite(heights)
     if bad.any():
-        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        where = np.argwhere(bad)
+        first = tuple(int(i) for i in where[0])
+        (a, c), (b, d) = where.min(0).tolist(), where.max(0).tolist()
         raise ValueError(
-            f"{name} must be finite; got {heights[first]} at index {first} ({int(bad.sum())} of {heights.size} "
-            "texels). Fill or crop the holes of the measurement first."
+            f"{name} must be finite; got {heights[first]} at index {first} ({int(bad.sum())} of {heights.size} texels, all in "
+            f"[{a}:{b + 1}, {c}:{d + 1}]). Crop the holes of the measurement, or fill them: torchms.microsurface.filled(h)."
         )
     return heights
 

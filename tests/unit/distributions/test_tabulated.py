@@ -22,6 +22,7 @@ from torchms import (
     Tabulated,
     Unidirectional,
 )
+from torchms.cli.expression import parse_bsdf
 from torchms.distributions import MicrofacetDistribution
 from torchms.fresnel import Ideal
 from torchms.maths.frame import split
@@ -244,6 +245,8 @@ def test_a_file_gives_it_back(tmp_path, messages):
     again = Tabulated.load(path)
     w = direction(1.2, dtype=torch.float32)
     torch.testing.assert_close(again.Lambda(w), d.Lambda(w))
+    on_the_command_line = parse_bsdf(f"RoughConductor(Tabulated.load({str(path)!r}), Ideal())")
+    torch.testing.assert_close(on_the_command_line.distribution.Lambda(w), d.Lambda(w))
     with pytest.raises(FileExistsError):
         d.save(path)
     d.save(path, force=True)

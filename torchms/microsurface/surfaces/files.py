@@ -1,4 +1,4 @@
-"""Height maps and meshes on disk: 16-bit images, .npy, and what trimesh reads and writes."""
+"""Height maps and meshes on disk: 16-bit images, .npy, scans, and what trimesh reads and writes."""
 
 import io
 from collections.abc import Callable
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from torchms.microsurface.surfaces.scans import SCANS, Scan, read_scan
 from torchms.storage import media
 from torchms.storage.archives import read_array
 from torchms.storage.media import MESHES, MOST_PIXELS, read_image
@@ -25,17 +26,19 @@ def read_mesh(path: str | Path) -> "trimesh.Trimesh | None":
     return media.read_mesh(path)
 
 
-def read_heights(path: str | Path) -> np.ndarray:
-    """Heights in .npy or in a 16-bit or float PNG/TIFF, as float64; an image's columns become the first axis (x)."""
+def read_heights(path: str | Path) -> Scan:
+    """Heights in .npy, in a 16-bit or float PNG/TIFF, or of a scan; an image's columns become the first axis (x)."""
     _check_readable(path)
     suffix = Path(path).suffix.lower()
+    if suffix in SCANS:
+        return read_scan(path)
     if suffix == ".npy":
         try:
-            return read_array(path, 16 * MOST_PIXELS)
+            return Scan(read_array(path, 16 * MOST_PIXELS))
         except ValueError as error:
             raise ValueError(f"Heightfield.from_file(path=...): {path} is not a plain .npy array ({error}).") from error
     if suffix not in IMAGE_SUFFIXES:
-        allowed = ", ".join((".npy", *IMAGE_SUFFIXES, *MESHES))
+        allowed = ", ".join((".npy", *IMAGE_SUFFIXES, *SCANS, *MESHES))
         raise ValueError(f"Heightfield.from_file(path=...) must end in one of {allowed}; got {path}. Convert it first.")
     image = read_image(path, ("PNG", "TIFF"))
     if image.mode not in ("I;16", "I;16B", "I;16L", "I", "F"):
@@ -43,7 +46,7 @@ def read_heights(path: str | Path) -> np.ndarray:
             f"Heightfield.from_file(path=...) must be a 16-bit (or float) height map of one channel; {path} has "
             f"mode {image.mode}. 256 steps of height make terraces: export the measurement with 16 bits."
         )
-    return np.array(image).astype(np.float64).T
+    return Scan(np.array(image).astype(np.float64).T, steps=image.mode != "F")
 
 
 def encoded(path: Path, heights: np.ndarray, mesh: "Callable[[], trimesh.Trimesh]") -> bytes:

@@ -11,6 +11,7 @@ import numpy as np
 
 from torchms.microsurface.surfaces.differences import forward, plane, rms
 from torchms.microsurface.surfaces.files import encoded, read_heights, read_mesh
+from torchms.microsurface.surfaces.holes import check_resolved, filled, units
 from torchms.microsurface.surfaces.mesh import grid_of_mesh, mesh_of_grid
 from torchms.microsurface.surfaces.report import report
 from torchms.microsurface.surfaces.synthesis import MAX_SLOPE_CHANGE, checked_alpha, gaussian_heights
@@ -110,27 +111,37 @@ class Heightfield:
     @staticmethod
     def from_file(
         path: str | Path,
-        spacing: Spacing = 1.0,
+        spacing: Spacing | None = None,
         *,
-        height_scale: float | int = 1.0,
+        height_scale: float | int | None = None,
         periodic: bool = False,
         level: bool = True,
+        fill: bool = False,
     ) -> "Heightfield":
-        """A height map (16-bit PNG or TIFF, float TIFF, .npy) or mesh (.ply, .obj, .stl, .off, .glb) on disk.
+        """A height map (16-bit PNG or TIFF, float TIFF, .npy), a scan (.x3p, text, …) or a mesh (.ply, .obj, .stl, …) on disk.
 
-        height_scale: length of one step of the map's values, in the unit of `spacing`; both are ignored for a mesh.
-        An image's columns run along x and its rows along y; `.npy` is taken as `heights[i, j]` of `from_heights`.
+        spacing: as in `from_heights`; asked for unless the file says it, as .x3p and text of points (.xyz) do.
+        height_scale: what the map's values are multiplied by to be in the unit of `spacing`; 1, but asked for where they
+        are 16-bit steps. Both are ignored for a mesh. An image's columns run along x and its rows along y; `.npy` is taken
+        as `heights[i, j]` of `from_heights`. fill: close holes of the measurement smoothly (see `filled`).
+        Raises ValueError for a file that is damaged or too large, for holes unless they are filled, for units that nobody
+        says, and for a map so coarse that the slopes of neighbours have nothing to do with each other.
         """
         mesh = read_mesh(path)
         if mesh is not None:
             return Heightfield.from_mesh(mesh, periodic=periodic, level=level)
-        if not (math.isfinite(height_scale) and height_scale > 0):
+        where = "Heightfield.from_file"
+        if height_scale is not None and not (math.isfinite(height_scale) and height_scale > 0):
             raise ValueError(
-                f"Heightfield.from_file(height_scale=...) must be finite and above 0; got {height_scale}. "
+                f"{where}(height_scale=...) must be finite and above 0; got {height_scale}. "
                 "It is the height of one step of the map's values."
             )
-        heights = checked_heights(read_heights(path), f"Heightfield.from_file: the heights of {path}")
-        return Heightfield.from_heights(heights * height_scale, spacing, periodic=periodic, level=level)
+        scan = read_heights(path)
+        heights = filled(scan.heights) if fill else scan.heights
+        heights = checked_heights(heights, f"{where}: the heights of {path}")
+        step, scale = units(scan, path, spacing, height_scale, where)
+        check_resolved(heights * scale, step, f"{where}: {path}")
+        return Heightfield.from_heights(heights * scale, step, periodic=periodic, level=level)
 
     @property
     def shape(self) -> tuple[int, int]:
