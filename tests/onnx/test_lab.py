@@ -27,11 +27,14 @@ LAB = ROOT / "export" / "lab"
 NAMES = (
     *("conductor-ggx-distilled", "conductor-ggx-single-bounce", "conductor-ggx-invariance", "conductor-ggx-sample"),
     *("conductor-beckmann-kulla-conty", "conductor-beckmann-turquin", "conductor-beckmann-sample"),
+    *("conductor-gtr-invariance", "conductor-gtr-single-bounce", "conductor-gtr-sample"),
     *("dielectric-ggx-distilled", "dielectric-ggx-single-bounce", "dielectric-ggx-sample"),
+    *("dielectric-beckmann-height-walk", "dielectric-beckmann-kulla-conty", "dielectric-beckmann-turquin"),
+    *("dielectric-beckmann-distilled", "dielectric-beckmann-sample"),
     *("diffuse-ggx-distilled", "diffuse-ggx-sample"),
     *("masking-ggx", "masking-beckmann", "masking-gtr", "caps", "closed-forms"),
 )
-MODELS = [name.split("-", 2) for name in NAMES[:12] if not name.endswith("sample")]
+MODELS = [name.split("-", 2) for name in NAMES if name.count("-") > 1 and not name.endswith("sample")]
 KOROBOV, FINE = 1564, 8191
 PATHS = 2
 
@@ -89,7 +92,8 @@ def states(seed: int, metals: list[str]) -> list[dict[str, Any]]:
                 "model": model,
                 "models": [],
                 "against": model,
-                "round": draw.random() < 0.5,
+                "round": draw.random() < 0.5 or (material == "dielectric" and model in ("kulla-conty", "turquin")),
+                "gamma": draw.uniform(1.1, 5),
                 "alpha": alpha,
                 "alphaY": alpha_y,
                 "metal": draw.choice(metals),
@@ -166,6 +170,7 @@ def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor
     given = {
         "alpha": state["alpha"],
         "alpha_y": state["alphaY"],
+        "gamma": state["gamma"],
         "eta": metal["eta"] if state["material"] == "conductor" else state["eta"],
         "k": metal["k"],
         "albedo": [state["albedo"]] * 3,
@@ -215,7 +220,7 @@ def test_its_numbers_are_eagers(seen: dict[str, Any], lab_set: Any) -> None:
         weights = torch.tensor([0.2126, 0.7152, 0.0722]) if got["channels"] == 3 else torch.ones(1)
         value = torch.tensor(got["value"]).reshape(-1, got["channels"]) @ weights
         assert shown == pytest.approx(value.tolist(), rel=1e-5)
-    assert len(models) >= 8, models
+    assert len(models) >= 10, models
 
 
 @pytest.mark.slow

@@ -180,3 +180,20 @@ def test_a_map_of_parameters_is_refused(scene):
     bsdf = RoughConductor(GGX(torch.rand(4) + 0.1), parse_bsdf(SINGLE).fresnel)
     with pytest.raises(ValueError, match="scalar parameters"):
         render(scene("sphere", ConstantLight(), bsdf), Camera((0.0, 0.0, 3.0)), **SMALL)
+
+
+def test_gltfs_material_by_name(tmp_path):
+    """--base-color is the surface that --bsdf would say in Python; it goes with no other description."""
+    given = SMALL | {"scene": "sphere", "light": "constant"}
+    short, long = str(tmp_path / "short.exr"), str(tmp_path / "long.exr")
+    run_render(RenderOptions(out=short, base_color=(0.9, 0.5, 0.2), roughness=0.7, **given))
+    run_render(RenderOptions(out=long, bsdf="MetallicRoughness([0.9, 0.5, 0.2], 0.0, 0.7)", **given))
+    assert torch.equal(read_picture(short), read_picture(long)) and read_picture(short).max() > 0
+    for wrong, says in (
+        ({"base_color": (1.0, 1.0, 1.0), "alpha": "0.2"}, "leave out --alpha"),
+        ({"base_color": (1.0, 1.0, 1.0), "scattering": "turquin"}, "leave out --scattering"),
+        ({"metallic": 0.5}, "--metallic goes with --base-color"),
+        ({"base_color": (1.2, 0.0, 0.0)}, r"base_color=.*\[0, 1\]; got 1.2"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            run_render(RenderOptions(out=str(tmp_path / "no.exr"), **(given | wrong)))

@@ -109,14 +109,16 @@ def found(mi: Any, plugin: dict[str, Any], wi: Tensor, wo: Tensor) -> tuple[Tens
 
 
 def check_equal(mi: Any, case: str, n: int, generator: torch.Generator) -> None:
+    """In single precision against double: near total reflection that is what the last digits of either are worth."""
     plugin, make = CASES[case]
     wi, wo = (directions(n, "glass" in case, generator) for _ in range(2))
     value, pdf, u = found(mi, plugin, wi, wo)
-    surface = make()
-    expected = surface(wi, wo, u)
-    for ours, theirs in ((value, expected.expand_as(value)), (pdf, surface.pdf(wi, wo))):
+    surface = make().double()
+    expected = surface(wi.double(), wo.double(), None if u is None else u.double())
+    for ours, theirs in ((value, expected.expand_as(value)), (pdf, surface.pdf(wi.double(), wo.double()))):
         error = (ours - theirs).abs() / (theirs.abs() + 0.1)
-        assert float(error.max()) < TOLERANCE, (case, float(error.max()))
+        assert float(error.max()) < 2 * TOLERANCE, (case, float(error.max()))
+        assert float(error.quantile(0.99)) < TOLERANCE / 2, (case, float(error.quantile(0.99)))
     assert float(value.max()) > 0.01
 
 

@@ -84,7 +84,7 @@ CHI2 = [
     for material in WHITE
     for alpha in (0.1, 0.4, 1.0, (0.5, 0.15))
     for theta in (0.2, 0.9, 1.4, *((2.1, 2.9) if material == "glass" else ()))
-]
+] + [("glass", (0.5, 0.1), 1.4)]
 
 
 @needs_llvm

@@ -161,3 +161,15 @@ def test_the_ends_of_a_range_belong_to_it():
     surface.distribution.gamma.zero_()
     with pytest.raises(ValueError, match=r"distribution\.gamma .* must lie in \(0, 10\]; got 0"):
         surface(wi, wi)
+
+
+def test_a_map_of_as_many_axes_as_the_batch_broadcasts_as_it_stands():
+    """(N, N, 1) beside (N, N, N) is one number for the last axis, (N, N) one for the first."""
+    n = 2
+    alpha = torch.tensor([[0.2, 0.4], [0.6, 0.8]])
+    w = torch.tensor([0.6, 0.0, 0.8]).expand(n, n, n, 3)
+    value = [RoughConductor(GGX(map), Schlick(1.0), SingleBounce())(w, w)[..., 0] for map in (alpha[..., None], alpha)]
+    assert torch.equal(value[0], value[0][..., :1].expand(n, n, n)) and torch.equal(
+        value[1], value[1][:1].expand(n, n, n)
+    )
+    assert torch.equal(value[0][..., 0], value[1][0]) and float(value[1][0].std()) > 0

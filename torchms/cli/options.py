@@ -129,6 +129,12 @@ class RenderOptions(SurfaceOptions):
     """slab, sphere or plane, or a mesh file (.obj, .ply, .stl, .off, .glb)."""
     out: str
     """Where the picture goes: .png (tone-mapped) or .exr (linear)."""
+    base_color: tuple[float, float, float] | None = None
+    """A surface of glTF's metallic-roughness material instead of the options above: its base colour, linear, in [0, 1]."""
+    metallic: float | None = None
+    """With --base-color: how much of a metal it is, in [0, 1]; 0 if it is not given."""
+    roughness: float | None = None
+    """With --base-color: glTF's roughness, the root of alpha, in [0, 1]; 0.5 if it is not given."""
     scattering: Scattering | None = None
     """Model of the bounces; bidirectional-invariance if it is not given, height-walk for a dielectric, or that of --bsdf."""
     max_order: int = 8

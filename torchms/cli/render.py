@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from torchms.bsdfs import BSDF
+from torchms.bsdfs import BSDF, MetallicRoughness
 from torchms.cli.beforehand import is_given
 from torchms.cli.description import SHORT, described, scattering_of
 from torchms.cli.expression import parse_bsdf
@@ -35,6 +35,14 @@ GOLD = 'RoughConductor(GGX(0.3), Conductor.metal("Au"), Bidirectional(Invariance
 
 def build_bsdf(options: RenderOptions) -> BSDF:
     """The BSDF that the options describe; ValueError if they do not fit together."""
+    own = {name: getattr(options, name) for name in ("metallic", "roughness") if getattr(options, name) is not None}
+    if options.base_color is not None:
+        others = ("bsdf", *SHORT, "scattering", "max_order")
+        if named := [f"--{name.replace('_', '-')}" for name in others if is_given(options, name)]:
+            raise ValueError(f"--base-color says what the surface is, with all bounces: leave out {', '.join(named)}.")
+        return MetallicRoughness(list(options.base_color), **({"metallic": 0.0, "roughness": 0.5} | own))
+    if own:
+        raise ValueError(f"{' and '.join(f'--{name}' for name in own)} goes with --base-color.")
     if options.bsdf is None and not any(is_given(options, name) for name in (*SHORT, "scattering", "max_order")):
         return parse_bsdf(GOLD)
     return described(options, scattering_of(options, glass="height-walk", opaque="bidirectional-invariance"))

@@ -13,7 +13,9 @@ M = TypeVar("M", bound=nn.Module)
 
 def fitted(module: M, *batches: torch.Size) -> M:
     """`module` beside tensors of these batch shapes: where they are (H, W), a map (H, W, 1) of a parameter without channels
-    is the map (H, W); a shallow copy holds it.
+    is the map (H, W); a shallow copy holds it. A map of as many axes as the batch broadcasts as it stands, also where all
+    sizes are equal: (N, N, 1) beside (N, N, N) is one number for the last axis, as (N, 1) is beside N × L lights. A picture's
+    map for every one of N lights is (H, W), or (1, H, W).
 
     Raises ValueError where two readings give different numbers: for such a map of one axis, (H, 1) beside (H), which is
     every value with every direction if it is taken at its word; and for (H, W) of a parameter with channels beside (H, W),
