@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from tools.check_site import faults
 from tools.site_browser import find_chromium
 
