@@ -8,12 +8,13 @@ Draws the lobe of gold in the plane of incidence, bounce by bounce: smooth and r
     python examples/lobes.py --alpha 0.3 0.8 --theta 50 --out lobes.png
 
 The first bounce leans away from the light. The second is wider and stands nearly upright: light that meets a second facet has
-forgotten most of where it came from. On smooth gold it is a few per cent of the light, on rough gold a third.
+forgotten most of where it came from. At α = 0.3 a seventh of what gold reflects has bounced again, at α = 0.8 nearly half.
 """
 
 import argparse
 import math
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -43,7 +44,7 @@ def orders_of(bsdf: ms.BSDF, theta: float, paths: int) -> tuple[Tensor, Tensor]:
         return angle, bsdf.orders(wi, wo, ms.Stream(seed=1, n_paths=paths)).mean(-1)
 
 
-def draw(axis: plt.Axes, angle: Tensor, orders: Tensor, title: str) -> None:
+def draw(axis: Any, angle: Tensor, orders: Tensor, title: str) -> None:
     """Four orders in polar form, the normal upwards."""
     for k, colour in enumerate(COLOURS):
         label = f"{k + 1} bounce{'s' * (k > 0)}"

@@ -47,6 +47,15 @@ def test_learned_material(tmp_path):
 
 
 @pytest.mark.slow
+def test_lobes(tmp_path):
+    """The rougher, the more light bounces again."""
+    out = tmp_path / "lobes.png"
+    lines = run("lobes", "--paths", "16", "--out", str(out)).splitlines()
+    smooth, rough = (float(line.split("; ")[1].split()[0]) for line in lines)
+    assert 5 < smooth < 25 and 35 < rough < 60 and out.stat().st_size > 10_000
+
+
+@pytest.mark.slow
 def test_mitsuba_inverse(tmp_path):
     """The fit runs and writes its maps; how near it comes is a question of steps that a test has no time for."""
     pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
