@@ -59,7 +59,9 @@ def table(lobes: GlassLobes, kind: str, where: Surfaces, seed: int) -> Table:
         points = glass_rows.lobes(kind, where, up, POINTS, generator_for(seed + 1 + up))
         many, wo = where.repeated(POINTS), points.wo.reshape(-1, 3).contiguous()
         mine = rest(lobes, kind, many, wo, up)
-        (first, a), (_, b) = (glass_targets.estimated(kind, many, wo, 4 * seed + 2 * up + half, PATHS) for half in (0, 1))
+        (first, a), (_, b) = (
+            glass_targets.estimated(kind, many, wo, 4 * seed + 2 * up + half, PATHS) for half in (0, 1)
+        )
         found.append(compared(*(x.double().view(-1, POINTS) for x in (mine, first, a, b)), points.weights.double()))
         for some in torch.arange(len(energy)).split(64):
             points = glass_rows.lobes(kind, where.part(some), up, QUADRATURE, generator_for(seed + 3 + up))

@@ -76,7 +76,8 @@ def refined(
 ) -> Tensor:
     """`vector` after `steps` damped Gauss–Newton steps on relative squares and energies.
 
-    size: rows of a step, drawn anew every REDRAWN steps. A step that ends a set of rows is kept in `checkpoint`, and gone on from: more steps may be asked for later.
+    size: rows of a step, drawn anew every REDRAWN steps. A step that ends a set of rows is kept in `checkpoint`, and gone on
+    from: more steps may be asked for later.
     """
     level, generator = Level(weights), generator_for(seed)
     damping, rows, some, held, hard = 1e-2, data, cells, data.f, cells.lost
