@@ -380,7 +380,8 @@ def test_value_and_gradient_are_finite_at_the_edges(material, segment, distribut
 
 def test_only_closed_segment_terms_can_be_joined():
     with pytest.raises(TypeError, match=r"Bidirectional\(segment=...\) must be Uncorrelated"):
-        Bidirectional(HeightWalk(2).segment)
+        Bidirectional(HeightWalk(2))
+    assert Bidirectional(HeightWalk(2).segment).is_unbiased
     with pytest.raises(ValueError, match="holds on one side"):
         MATERIALS["dielectric"](GGX(0.5), Bidirectional(SEGMENTS["invariance"](), 2))
     assert not Bidirectional(Correlated()).is_reciprocal

@@ -72,7 +72,9 @@ def test_scan(tmp_path):
     """Smith's model is within a few hundredths of the rays on the ground, at every angle and order."""
     out = tmp_path / "scan.png"
     lines = run("scan", "--rays", "60000", "--components", "8", "--out", str(out)).splitlines()
-    energies = {tuple(line.split()[1:3]): [float(x) for x in line.split()[3::3]] for line in lines if line.startswith("theta")}
+    energies = {
+        tuple(line.split()[1:3]): [float(x) for x in line.split()[3::3]] for line in lines if line.startswith("theta")
+    }
     assert len(energies) == 9 and out.stat().st_size > 1000
     for theta in ("0.0", "0.8", "1.3"):
         for a, b in zip(energies[theta, "Tabulated"], energies[theta, "rays"], strict=True):

@@ -74,7 +74,8 @@ class Bidirectional(PathTracer):
     Every pair of sub-paths with s + t = k − 1 bounces is joined at a facet; the ways of one order are weighted by the
     balance heuristic over all of them. One path is a few such pairs of walks, see `lengths`, which meet facets spread
     evenly at first. Unbiased for the model of the `segment`: no thresholds. `attached`: see `PathTracer`; the default is
-    right. Raises ValueError when it is put into a dielectric with `Invariance`, which knows one side of the surface only.
+    right. Raises ValueError when it is put into a dielectric with `Invariance`, which knows one side of the surface only:
+    there `RandomHeight()`, of `torchms.paths.height`, is exact, and far less noisy than `HeightWalk`.
     """
 
     sources = ("Wang2022",)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -13,6 +14,7 @@ from torchms.approximations.distil.command import Common, finished, run, told
 from torchms.approximations.distil.rows import KINDS
 from torchms.approximations.distil.squares import CHUNK, Net, Normal, Term, minimised
 from torchms.bsdfs import RoughDiffuse
+from torchms.bsdfs.compile import compile
 from torchms.estimators import Bidirectional, Unidirectional
 from torchms.maths.frame import split
 from torchms.paths.segments import Invariance
@@ -51,6 +53,7 @@ class Options(Common):
     """Rows of a step."""
     energy: float = 5.0
     """Weight of the energies against that of the lobes."""
+    later: ClassVar[tuple[str, ...]] = ("widths", "steps", "rows", "energy")
 
 
 def block(options: Options, number: int) -> dict[str, Tensor]:
@@ -62,9 +65,9 @@ def block(options: Options, number: int) -> dict[str, Tensor]:
     facets = KINDS[options.distribution](ax, ay)
     longest = LONGEST[options.distribution]
     with torch.no_grad():
-        walks = RoughDiffuse(facets, 1.0, Unidirectional(Invariance(), longest))
+        walks = compile(RoughDiffuse(facets, 1.0, Unidirectional(Invariance(), longest)), verbose=False)
         f = walks.orders(wi, wo, Stream(2 * seed, options.paths[0]))[..., 0]
-        one = RoughDiffuse(facets, 1.0, Bidirectional(Invariance(), 1))
+        one = compile(RoughDiffuse(facets, 1.0, Bidirectional(Invariance(), 1)), verbose=False)
         f[:, 0] = one(wi, wo, Stream(2 * seed + 1, options.paths[1]))[:, 0]
     return {"ax": ax, "ay": ay, "wi": wi, "wo": wo, "f": f / wo[:, 2:]}
 

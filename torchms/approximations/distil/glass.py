@@ -6,12 +6,11 @@ is transmitted have networks of their own, and are fitted in turns, as glass kee
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from torch import Tensor
 
-from torchms.approximations import distilled_file as files
 from torchms.approximations.distil import glass_fit, glass_held_out, glass_rows, glass_targets
 from torchms.approximations.distil.command import Common, run, told
 from torchms.approximations.distil.glass_rows import Surfaces
@@ -22,6 +21,9 @@ from torchms.sampling.uniforms import generator_for
 
 ROWS = 65536
 """Rows of a block of data on either side."""
+
+
+FACETS = ("reflected", "transmitted")
 
 
 @dataclass
@@ -69,31 +71,34 @@ def block(options: Options, number: int) -> dict[str, Tensor]:
 def main(options: Options) -> None:
     """Run all of it."""
     data, folder = told(options, "glass", lambda number: block(options, number))
-    sides = []
+    sides = fits(options, data)
+    # One folder for what the steps depend on: more rounds go on from those that are there.
+    numbers = "-".join(str(x) for x in (*options.widths, "of", *options.each, "by", options.rows, options.cells))
+    rounds = folder / f"fit-{numbers}"
+    rounds.mkdir(exist_ok=True)
+    for number, steps in enumerate(options.rounds):
+        for k, name in enumerate(FACETS):
+            # What is reflected knows nothing of the other side before the latter was fitted.
+            other = sides[1 - k] if number or k else None
+            with progress_bar(f"{name}, round {number + 1}", steps) as advance:
+                sides[k].refined(other, steps, options.rows, rounds / f"round-{number}-{name}.npz", advance)
+    found = [fit.distillate(name, options.alpha) for name, fit in zip(FACETS, sides, strict=True)]
+    errors = glass_held_out.summary(GlassLobes(*found), options.distribution, options.alpha, options.seed + 5)
+    for each, fit, out in zip(found, sides, options.outs, strict=True):
+        rows = len(fit.data.f)
+        options.write(each.facet, out, each.layers, each.skip, rows, sum(options.paths), errors, folder, each.each)
+
+
+def fits(options: Options, data: dict[str, Tensor]) -> list[glass_fit.Fit]:
+    """What is reflected, and what is transmitted, before the first step."""
+    kind, found = options.distribution, []
     for side in ("up", "down"):
         where = Surfaces(*(data[f"{side}_{name}"] for name in Surfaces._fields))
         wo, weights, f = (data[f"{side}_{name}"] for name in ("wo", "weights", "f"))
-        sides.append(
-            glass_fit.Fit(options.distribution, where, wo, weights, f, (options.widths, options.each), options.seed)
-        )
+        found.append(glass_fit.Fit(kind, where, wo, weights, f, (options.widths, options.each), options.seed))
     cells = glass_rows.drawn(options.alpha, options.cells, generator_for(options.seed + 1))
-    glass_fit.balanced(sides, options.distribution, cells, options.seed + 2)
-    for number, steps in enumerate(options.rounds):
-        for fit, other, name in ((sides[0], sides[1], "reflected"), (sides[1], sides[0], "transmitted")):
-            path = folder / f"round-{number}-{name}.npz"
-            with progress_bar(f"{name}, round {number + 1}", steps) as advance:
-                fit.refined(other if number or fit is sides[1] else None, steps, options.rows, path, advance)
-    named = zip(("reflected", "transmitted"), sides, strict=True)
-    found = [fit.distillate(facet, options.alpha) for facet, fit in named]
-    errors = glass_held_out.summary(GlassLobes(*found), options.distribution, options.alpha, options.seed + 5)
-    for each, fit, out in zip(found, sides, options.outs, strict=True):
-        _written(options, out, each, len(fit.data.f), errors, folder)
-
-
-def _written(
-    options: Options, out: Path, found: files.Distillate, rows: int, errors: dict[str, Any], folder: Path
-) -> None:
-    options.write(found.facet, out, found.layers, found.skip, rows, sum(options.paths), errors, folder, found.each)
+    glass_fit.balanced(found, kind, cells, options.seed + 2)
+    return found
 
 
 if __name__ == "__main__":
