@@ -79,13 +79,14 @@ def sampled(alpha: float) -> Samples:
     d = Vec3(d.x, d.y, d.z.clamp_min(1e-9))
     density = 0.5 * proposal.density(w, d) + 0.5 * d.z / math.pi
     metal = MetalLobes(lobes_file("metal"))
-    rest = metal.rest(learned(distribution, "metal"), w, d)
+    smooth = learned(distribution, "metal")
+    rest = metal.rest(smooth, w, d)
     white = DiffuseBase(True).returned(distribution, torch.ones(1, 1, 1), w, d)[0]
     over = d.z / density
     return Samples(
         lagrange(2 * d.z.sqrt() - 1, n),
         [lobe * over for lobe in rest.lobes],
-        rest.facets,
+        metal.facets(smooth, w, d),
         rest.fall,
         white / density,
     )
@@ -214,7 +215,7 @@ def order_energies(s: Samples, n: Tensor, one: tuple[Tensor, Tensor], levels: Te
     found = [one[0][:, None] * levels + one[1][:, None] * (1 - levels)]
     columns: list[list[Tensor]] = [[], [], []]
     for f0 in levels:
-        factors = reflected(f0, [f0 + (1 - f0) * met.first for met in s.facets], s.facets, s.fall)
+        factors = reflected(f0, [f0 + (1 - f0) * met.s for met in s.facets], s.facets, s.fall)
         for column, lobe, factor in zip(columns, s.lobes, factors, strict=True):
             column.append((lobe * factor * at_o).mean(1))
     return found + [torch.stack(column, 1) for column in columns]

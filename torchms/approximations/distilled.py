@@ -32,7 +32,7 @@ from torchms.paths.vertex import Vertex
 from torchms.sampling.proposals import Proposal
 
 KNOWN = ("GGX", "Beckmann")
-METAL = files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE)
+METAL = files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE, facets=metal_lobes.FACETS)
 SMITH = ("metal", "diffuse", "reflected", "transmitted")
 """Files that come with torchms for each of them."""
 SMITHS = files.Shape(metal_features.FEATURES, surface_lobes.OF_SMITH, metal_features.OF_ONE)

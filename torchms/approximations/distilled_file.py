@@ -27,7 +27,8 @@ MOST_LAYERS = 8
 class Shape(NamedTuple):
     """Inputs and outputs of a facet's network, and those of that of one direction; 0 inputs if it has none.
 
-    smith: of Smith's networks, if they are in the file, too. scan: whether slopes of a surface are.
+    smith: of Smith's networks, if they are in the file, too. scan: whether slopes of a surface are. facets: outputs of the
+    network of the facets that light meets, with the same inputs; 0 if there is none.
     """
 
     inputs: int
@@ -36,6 +37,7 @@ class Shape(NamedTuple):
     outputs_of_one: int = 1
     smith: "Shape | None" = None
     scan: bool = False
+    facets: int = 0
 
 
 Weights = tuple[list[Layer], Tensor]
@@ -48,7 +50,7 @@ class Distillate(NamedTuple):
     facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
     roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
     each: weights of what either direction brings, if there is that. smith: weights of both for Smith's lobes, where these are
-    corrected. slopes: of a measured surface.
+    corrected. slopes: of a measured surface. facets: weights of what light meets on its way, if there is that.
     """
 
     facet: str
@@ -60,6 +62,7 @@ class Distillate(NamedTuple):
     each: Weights | None = None
     smith: tuple[Weights, Weights] | None = None
     slopes: Mixture | None = None
+    facets: Weights | None = None
 
 
 def write(path: str | Path, distillate: Distillate, force: bool = False) -> None:
@@ -72,6 +75,8 @@ def write(path: str | Path, distillate: Distillate, force: bool = False) -> None
         "certificate": np.array(json.dumps(distillate.certificate, allow_nan=False)),
     }
     networks = {"": (distillate.layers, distillate.skip)} | ({"each_": distillate.each} if distillate.each else {})
+    if distillate.facets:
+        networks["facets_"] = distillate.facets
     if distillate.smith:
         networks |= dict(zip(("smith_", "smith_each_"), distillate.smith, strict=True))
     for name, (layers, skip) in networks.items():
@@ -128,7 +133,8 @@ def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
         if any(f"slopes_{name}" not in arrays for name in Mixture._fields):
             raise ValueError(f"{otherwise}: it lacks the slopes of its surface. {REMEDY}")
         slopes = checked(*(arrays[f"slopes_{name}"] for name in Mixture._fields), name=f"{path.name}: slopes")
-    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each, smith, slopes)
+    facets = _network(arrays, "facets_", shape.inputs, shape.facets, path) if shape.facets else None
+    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each, smith, slopes, facets)
 
 
 def _network(arrays: dict[str, np.ndarray], name: str, inputs: int, outputs: int, path: Path) -> Weights:

@@ -20,8 +20,10 @@ from torchms.fresnel.base import Fresnel
 from torchms.fresnel.ideal import Ideal
 from torchms.maths.frame import Vec3
 
-OUTPUTS = 3 + 3 * MEANS + 1
-"""ln g; logarithms of the shares of the orders 2 and 3 over that of the others; means of each order; r."""
+OUTPUTS = 4
+"""ln g; logarithms of the shares of the orders 2 and 3 over that of the others; r."""
+FACETS = 3 * MEANS
+"""Outputs of the network of the facets."""
 MOST_FALL = 0.95
 """Largest ratio of one order to the one before it."""
 EXPONENT = (-14.0, 12.0)
@@ -29,48 +31,56 @@ EXPONENT = (-14.0, 12.0)
 
 
 class Rest(NamedTuple):
-    """f [1/sr], without cos θ_o, of the orders 2, 3 and ≥ 4 with F = 1; the facets that they meet; the ratio r of the last."""
+    """f [1/sr], without cos θ_o, of the orders 2, 3 and ≥ 4 with F = 1; the ratio r of the last."""
 
     lobes: list[Tensor]
-    facets: list[Met]
     fall: Tensor
 
 
-def heads(outputs: Sequence[Tensor]) -> tuple[Tensor, Tensor, list[Met], Tensor]:
-    """Ratios of the shares of the orders 2 and 3 to that of the others, facets and r, from all outputs but ln g."""
-    second, third, *means, fall = outputs
-    facets = [met(means[MEANS * k : MEANS * (k + 1)], k) for k in range(3)]
+def heads(outputs: Sequence[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+    """Ratios of the shares of the orders 2 and 3 to that of the others, and r, from all outputs but ln g."""
+    second, third, fall = outputs
     a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
-    return a, b, facets, (0.5 * MOST_FALL) * (1 + soft_sign(fall))
+    return a, b, (0.5 * MOST_FALL) * (1 + soft_sign(fall))
 
 
 class MetalLobes(nn.Module):
-    """Lobes of rough metals of one kind of distribution, from two networks: of the pair, and of each direction."""
+    """Lobes of rough metals of one kind of distribution, from three networks: of the pair, of each direction, and of
+    the facets that light meets, which only a Fresnel term asks for."""
 
     def __init__(self, distillate: Distillate) -> None:
         super().__init__()
-        assert distillate.each is not None
+        assert distillate.each is not None and distillate.facets is not None
         self.network = Network(distillate.layers, distillate.skip)
         self.each = Network(*distillate.each)
+        self.met = Network(*distillate.facets)
 
     def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Rest:
         """Kernel; both directions above the horizon."""
-        level, *others = self.network(features(distribution, wi, wo))
+        return self._rest(distribution, features(distribution, wi, wo), wi, wo)
+
+    def facets(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> list[Met]:
+        """Kernel: what the orders 2, 3 and ≥ 4 meet; both directions above the horizon."""
+        return met(self.met(features(distribution, wi, wo)))
+
+    def _rest(self, distribution: EllipticDistribution, of_pair: list[Tensor], wi: Vec3, wo: Vec3) -> Rest:
+        level, *others = self.network(of_pair)
         both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
         one, other = self.each(features_of_one(distribution, both))[0]
-        level = level + (one + other)
-        g = torch.exp(level.clamp(*EXPONENT))
-        a, b, facets, fall = heads(others)
+        g = torch.exp((level + (one + other)).clamp(*EXPONENT))
+        a, b, fall = heads(others)
         last = g / (1 + a + b)
-        return Rest([last * a, last * b, last], facets, fall)
+        return Rest([last * a, last * b, last], fall)
 
     def orders(self, distribution: EllipticDistribution, fresnel: Fresnel, wi: Vec3, wo: Vec3) -> list[Tensor]:
         """Kernel: f · cos θ_o [1/sr] of the orders 2, 3 and ≥ 4, each (C, …); 0 where a direction is not above."""
         valid = (wi.z > 0) & (wo.z > 0)
         wi, wo = above(wi), above(wo)
-        rest = self.rest(distribution, wi, wo)
+        of_pair = features(distribution, wi, wo)
+        rest = self._rest(distribution, of_pair, wi, wo)
         lobes = [torch.where(valid, lobe * wo.z, 0.0) for lobe in rest.lobes]
         if isinstance(fresnel, Ideal):
             return [lobe[None] for lobe in lobes]
-        left = reflected(*mean_reflectances(fresnel, rest.facets), rest.facets, rest.fall)
+        facets = met(self.met(of_pair))
+        left = reflected(*mean_reflectances(fresnel, facets), facets, rest.fall)
         return [share * lobe for share, lobe in zip(left, lobes, strict=True)]

@@ -6,14 +6,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 import torch
+from torch import Tensor
 
 from torchms.approximations import distilled_file as files
-from torchms.approximations.distil import blocks, energies, held_out, refinement, training
+from torchms.approximations.distil import blocks, energies, facets, held_out, refinement, training
 from torchms.approximations.distil.command import commit, run
-from torchms.approximations.distil.rows import surfaces
-from torchms.approximations.distil.weights import Weights, sizes_of
+from torchms.approximations.distil.rows import Rows, surfaces
+from torchms.approximations.distil.weights import Heads, Net, Weights, sizes_of
 from torchms.approximations.distilled import METAL
 from torchms.approximations.metal_lobes import MetalLobes
+from torchms.approximations.network import Network
 from torchms.cli.progress import progress_bar
 from torchms.sampling.uniforms import generator_for
 from torchms.storage.write import check_writable
@@ -51,6 +53,10 @@ class Options:
     """Units of the hidden layers; cost and accuracy follow them."""
     each: tuple[int, ...] = (8,)
     """Units of the hidden layers of the network of each direction."""
+    facets: int = 12
+    """Units of the hidden layer of the network of the facets."""
+    facet_steps: int = 250
+    """Steps of L-BFGS of that network."""
     seed: int = 1
     """Seed of everything."""
     held_out_points: int = 128
@@ -70,7 +76,7 @@ def main(options: Options) -> None:
     if options.start:
         told["start"] = options.start.name
     folder = options.work / options.distribution
-    later = ("refinements", "held_out_points", "held_out_paths")
+    later = ("refinements", "facets", "facet_steps", "held_out_points", "held_out_paths")
     begun = {name: value for name, value in told.items() if name not in later}
     blocks.opened(folder, {"version": __version__, "format": files.FORMAT, **begun})
     numbers = list(range(rank, options.blocks, world))
@@ -110,7 +116,9 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
     with progress_bar("other outputs", others) as advance:
         rest = refinement.others_anew(weights, vector, data, targets, others, advance)
     pair, each = weights.folded(vector, rest)
-    found = files.Distillate("metal", kind, options.alpha, *pair, {}, each)
+    found = files.Distillate(
+        "metal", kind, options.alpha, *pair, {}, each, facets=met(options, rows, data, targets, pair)
+    )
     errors = held_out.summary(
         MetalLobes(found),
         kind,
@@ -126,6 +134,18 @@ def finish(options: Options, folder: Path, told: dict[str, Any]) -> None:
     for name, values in errors.items():
         print(f"{name}: {values}")
     print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+def met(options: Options, rows: Rows, data: refinement.Data, targets: Tensor, pair: Net) -> Net:
+    """The network of the facets that light meets."""
+    some = slice(0, facets.ROWS)
+    inputs, floor = training.inputs_of(options.distribution, rows.part(some)).pair, data.floor[some]
+    heads = Heads(torch.stack(Network(*pair)(inputs.unbind(-1)), -1))
+    weight = refinement.RELATIVE / (heads.level**2 + floor * floor) + data.lobe[some]
+    with progress_bar("facets", options.facet_steps) as advance:
+        return facets.fitted(
+            inputs, targets, heads.rest, weight, options.facets, options.facet_steps, options.seed + 6, advance
+        )
 
 
 def balanced(options: Options, weights: Weights) -> energies.Cells:
@@ -154,7 +174,15 @@ def check(options: Options) -> None:
     low, high = options.alpha
     if not 1e-3 <= low < high <= 2:
         raise ValueError(f"--alpha must be two numbers in [1e-3, 2], the smaller one first; got {low:g} {high:g}.")
-    limits = {"blocks": 1, "steps": 4, "refinements": 0, "cells": training.CELLS, "held_out_points": 2}
+    limits = {
+        "blocks": 1,
+        "steps": 4,
+        "refinements": 0,
+        "facets": 1,
+        "facet_steps": 1,
+        "cells": training.CELLS,
+        "held_out_points": 2,
+    }
     for name, least in limits.items():
         if getattr(options, name) < least:
             raise ValueError(f"--{name.replace('_', '-')} must be at least {least}; got {getattr(options, name)}.")

@@ -17,7 +17,6 @@ from torchms.approximations.albedo_table import AlbedoTable
 from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.rows import KINDS, Rows
 from torchms.approximations.distil.weights import Heads, Inputs, Weights
-from torchms.approximations.facet_reflectance import MEANS
 from torchms.approximations.metal_features import features, features_of_one
 from torchms.maths.frame import split
 from torchms.sampling.uniforms import generator_for, integers
@@ -32,10 +31,8 @@ FIRST = 0.3
 """Share of one bounce's value that a row's error is measured by, if that is more than all others."""
 SAVED = 500
 """Steps between two checkpoints."""
-SIDE, MOMENT, TAIL, ENERGY = 0.3, 0.2, 0.003, 300.0
-"""Weights of the orders, of the facets, of the tail's length and of the energies, against that of the lobe."""
-SCALES = (1.0, 2.0, 2.0, 6.0)
-"""How much a reflectance changes with the numbers of `Met`: the last with that of a dielectric."""
+SIDE, TAIL, ENERGY = 0.3, 0.003, 300.0
+"""Weights of the orders, of the tail's length and of the energies, against that of the lobe."""
 
 
 @torch.no_grad()
@@ -79,24 +76,15 @@ def floors(kind: str, rows: Rows, first: Tensor, step: int = 8192) -> Tensor:
 def loss(outputs: Tensor, targets: Tensor, floor: Tensor) -> Tensor:
     """Mean squares of a batch."""
     heads = Heads(outputs)
-    f, moments = targets[:, 1:4], targets[:, 5:].unflatten(1, (3, MEANS))
-    held, rest = heads.level.detach(), heads.rest.detach()
+    f = targets[:, 1:4]
+    held = heads.level.detach()
     weight = 1 / (held * held + floor * floor)
     orders = heads.level[:, None] * heads.shares
-    fixed = held[:, None] * heads.shares.detach()
+    last = held * heads.shares[:, 2].detach()
     main = (weight * (heads.level - f.sum(-1)) ** 2).mean()
     side = (weight[:, None] * (orders - f) ** 2).sum(-1).mean()
-    tail = (weight * (fixed[:, 2] * (4 + heads.rest) - targets[:, 4]) ** 2).mean()
-    # Facets of a path, and pairs of them, of each order; those after the fourth are geometrically distributed.
-    counts = torch.full_like(held, 2.0), torch.full_like(held, 3.0), 4 + rest
-    pairs = torch.ones_like(held), torch.full_like(held, 3.0), 6 + rest * (4 + rest)
-    moment = torch.zeros(())
-    for k, met in enumerate(heads.facets):
-        square = met.first.detach() ** 2 * (1 + met.spread)
-        found = [counts[k] * x for x in met[:3]] + [pairs[k] * square]
-        off = torch.stack(found, -1) * fixed[:, k, None] - moments[:, k]
-        moment = moment + (weight[:, None] * (off * torch.tensor(SCALES)) ** 2).sum(-1).mean()
-    return main + SIDE * side + MOMENT * moment + TAIL * tail
+    tail = (weight * (last * (4 + heads.rest) - targets[:, 4]) ** 2).mean()
+    return main + SIDE * side + TAIL * tail
 
 
 def trained(

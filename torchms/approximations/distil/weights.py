@@ -41,7 +41,7 @@ class Heads:
     def __init__(self, outputs: Tensor) -> None:
         level, *others = outputs.unbind(-1)
         self.level = torch.exp(level.clamp(*EXPONENT))
-        a, b, self.facets, fall = heads(others)
+        a, b, fall = heads(others)
         last = 1 / (1 + a + b)
         self.shares = torch.stack([a * last, b * last, last], -1)
         self.rest = fall / (1 - fall)
