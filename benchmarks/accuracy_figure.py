@@ -71,5 +71,5 @@ def _gold(axis: Any, content: dict[str, Any]) -> None:
             axis.text(row["rgb"][name][c] + 0.01, at, letter, va="center", fontsize=7)
     axis.set_yticks(range(len(names)), ["exact" if name == "invariance" else name for name in names])
     axis.invert_yaxis()
-    axis.set_xlabel("reflected energy, gold, GGX α = 1, 0.5 rad")
+    axis.set_xlabel("reflected energy of gold,\nGGX α = 1, 0.5 rad")
     axis.grid(axis="x", alpha=0.3)
