@@ -1,37 +1,34 @@
 """How good are closed-form compensations? Lobes, energies, colours and cost of every model, side by side.
 
-    python benchmarks/accuracy_lobes.py [--walks 1.5e5] [--rays 2e5] [--cost-only] [--force]
+    python benchmarks/accuracy_lobes.py [--walks 1.5e5] [--rays 2e5] [--cost-only | --figure-only] [--quick] [--force]
 
-Directional error: root mean square over the hemisphere of the difference of two lobes, in bins of equal solid angle,
-over the root mean square of the reference; the references are the invariance model (exact for Smith's theory) and, for
-Beckmann, explicit Gaussian surfaces. Noise: the height walk, which differs from invariance by nothing else. `accuracy.py`
+Directional error: root mean square over the sphere of the difference of two lobes, in bins of equal solid angle, over the root
+mean square of the reference; the references are height walks with a seed of their own (exact for Smith's theory, for glass too)
+and, for metal with Beckmann, explicit Gaussian surfaces. Noise: the height walk again. F = 1, albedo 1, η = 1.5. `accuracy.py`
 has the energies per order against explicit surfaces. Cost: one `forward` with one path, eager, float32.
 """
 
 import json
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import torch
 import tyro
+from accuracy_figure import IMAGE, draw
 from record import RESULTS, birth_certificate, seconds
 from torch import Tensor
 
 import torchms as ms
-from torchms.fresnel import Conductor, Fresnel, Ideal
-from torchms.lobes import measure
+from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal
+from torchms.lobes import Tally, measure
 from torchms.maths.frame import direction
 from torchms.microsurface.rays.grid_walk import GridTracer
 from torchms.microsurface.simulation.materials import MirrorFacets
 from torchms.microsurface.simulation.simulate import simulate
 from torchms.microsurface.surfaces.recipe import GaussianSurfaces
 from torchms.storage.write import check_writable, write_json
-
-matplotlib.use("Agg")
 
 K = 10
 MODELS: dict[str, Callable[[], ms.Scattering]] = {
@@ -45,17 +42,28 @@ MODELS: dict[str, Callable[[], ms.Scattering]] = {
     "single bounce": ms.SingleBounce,
 }
 CASES = [
-    ("Beckmann", (0.5,)),
-    ("Beckmann", (1.0,)),
-    ("Beckmann", (1.0, 0.1)),
-    ("GGX", (0.25,)),
-    ("GGX", (0.5,)),
-    ("GGX", (1.0,)),
+    ("metal", "Beckmann", (0.5,)),
+    ("metal", "Beckmann", (1.0,)),
+    ("metal", "Beckmann", (1.0, 0.1)),
+    ("metal", "GGX", (0.25,)),
+    ("metal", "GGX", (0.5,)),
+    ("metal", "GGX", (1.0,)),
+    ("glass", "GGX", (0.25,)),
+    ("glass", "GGX", (0.5,)),
+    ("glass", "Beckmann", (0.5,)),
+    ("diffuse", "GGX", (0.5,)),
+    ("diffuse", "GGX", (1.0,)),
+    ("diffuse", "Beckmann", (0.5,)),
 ]
+HOLD = {
+    "metal": tuple(MODELS),
+    "glass": tuple(name for name in MODELS if name != "invariance"),
+    "diffuse": tuple(name for name in MODELS if name not in ("Kulla-Conty", "Turquin")),
+}
+"""The models that hold for a material."""
 THETAS = (0.5, 1.0, 1.4)
 BINS = (16, 16)
 METALS = (("Au", 0.5), ("Au", 1.0), ("Cu", 1.0))
-IMAGE = Path(__file__).parents[1] / "docs" / "images" / "accuracy.png"
 
 
 @dataclass
@@ -72,6 +80,10 @@ class Options:
     """Seed of everything."""
     cost_only: bool = False
     """Only time the models, and keep the other numbers of the file."""
+    figure_only: bool = False
+    """Only draw the figure of the file's numbers."""
+    quick: bool = False
+    """One case a material, one angle, a hundredth of the paths: whether all of it runs; into no file but --out."""
     out: Path = RESULTS / "accuracy_lobes.json"
     """Where the numbers go."""
     force: bool = False
@@ -82,45 +94,74 @@ def bsdf(kind: str, alpha: tuple[float, ...], model: str, fresnel: Fresnel | Non
     return ms.RoughConductor(getattr(ms, kind)(*alpha), fresnel or Ideal(), MODELS[model]())
 
 
+def surface_of(material: str, kind: str, alpha: tuple[float, ...], model: str) -> ms.BSDF:
+    """Of a material that absorbs nothing."""
+    if material == "metal":
+        return bsdf(kind, alpha, model)
+    make = getattr(ms, kind)(*alpha)
+    if material == "glass":
+        return ms.RoughDielectric(make, Dielectric(1.5), MODELS[model]())
+    return ms.RoughDiffuse(make, 1.0, MODELS[model]())
+
+
+def every(lobe: Tensor) -> Tensor:
+    """The last plane, all orders: (n_cos, n_phi)."""
+    return lobe[-1, :, :, 0]
+
+
 def upper(lobe: Tensor) -> Tensor:
-    """The last plane, all orders, above the horizon: (n_cos / 2, n_phi)."""
-    return lobe[-1, lobe.shape[1] // 2 :, :, 0]
+    """What of it lies above the horizon: (n_cos / 2, n_phi)."""
+    return every(lobe)[lobe.shape[1] // 2 :]
 
 
 def relative(lobe: Tensor, reference: Tensor) -> float:
     return float((lobe - reference).square().mean().sqrt() / reference.square().mean().sqrt())
 
 
-def lobe_row(kind: str, alpha: tuple[float, ...], theta: float, options: Options) -> dict[str, Any]:
+def lobe_row(material: str, kind: str, alpha: tuple[float, ...], theta: float, options: Options) -> dict[str, Any]:
     """Directional and energy errors of all models for one direction of incidence."""
     wi = direction(theta, 0.4, dtype=torch.float32)
-    lobes, energy = {}, {}
-    for name in MODELS:
-        tally = measure(
-            bsdf(kind, alpha, name), wi, n_paths=int(options.walks), seed=options.seed, bins=BINS, progress=False
-        )
-        assert tally.lobes is not None
-        lobes[name], energy[name] = upper(tally.lobes.mean), float(tally.total[0])
-    row: dict[str, Any] = {"distribution": kind, "alpha": list(alpha), "theta": theta, "energy": energy}
-    row["error"] = {name: relative(lobe, lobes["invariance"]) for name, lobe in lobes.items() if name != "invariance"}
-    if kind == "Beckmann":
-        recipe = GaussianSurfaces(alpha[0], alpha[-1], count=options.surfaces, size=512)
-        truth = simulate(
-            recipe,
-            MirrorFacets(),
-            wi,
-            n_rays=options.rays,
-            max_order=K,
-            seed=options.seed,
-            tracer=GridTracer(),
-            lobes=True,
-        )
-        assert truth.lobes is not None
-        theirs = coarser(upper(truth.lobes.mean))
-        row["error_simulation"] = {name: relative(coarser(lobe, theirs.shape), theirs) for name, lobe in lobes.items()}
-        spread = coarser(upper(truth.lobes.stderr) ** 2) / 4
-        row["noise_simulation"] = float(spread.mean().sqrt() / theirs.square().mean().sqrt())
+
+    def measured(name: str, seed: int) -> Tally:
+        made = surface_of(material, kind, alpha, name)
+        return measure(made, wi, n_paths=int(options.walks), seed=seed, bins=BINS, progress=False)
+
+    tallies = {name: measured(name, options.seed) for name in HOLD[material]}
+    reference = every(_lobes(measured("height walk", options.seed + 1)))
+    row: dict[str, Any] = {"material": material, "distribution": kind, "alpha": list(alpha), "theta": theta}
+    row["energy"] = {name: float(tally.total[0]) for name, tally in tallies.items()}
+    row["error"] = {name: relative(every(_lobes(tally)), reference) for name, tally in tallies.items()}
+    if material == "metal" and kind == "Beckmann":
+        row |= against_surfaces(alpha, wi, {name: upper(_lobes(tally)) for name, tally in tallies.items()}, options)
     return row
+
+
+def _lobes(tally: Tally) -> Tensor:
+    assert tally.lobes is not None
+    return tally.lobes.mean
+
+
+def against_surfaces(
+    alpha: tuple[float, ...], wi: Tensor, lobes: dict[str, Tensor], options: Options
+) -> dict[str, Any]:
+    """The same against explicit surfaces."""
+    truth = simulate(
+        GaussianSurfaces(alpha[0], alpha[-1], count=options.surfaces, size=512),
+        MirrorFacets(),
+        wi,
+        n_rays=options.rays,
+        max_order=K,
+        seed=options.seed,
+        tracer=GridTracer(),
+        lobes=True,
+    )
+    assert truth.lobes is not None
+    theirs = coarser(upper(truth.lobes.mean))
+    spread = coarser(upper(truth.lobes.stderr) ** 2) / 4
+    return {
+        "error_simulation": {name: relative(coarser(lobe, theirs.shape), theirs) for name, lobe in lobes.items()},
+        "noise_simulation": float(spread.mean().sqrt() / theirs.square().mean().sqrt()),
+    }
 
 
 def coarser(lobe: Tensor, shape: torch.Size | tuple[int, int] = (8, 8)) -> Tensor:
@@ -159,55 +200,35 @@ def costs(rows: int = 100_000) -> dict[str, Any]:
     return found
 
 
-def figure(content: dict[str, Any]) -> None:
-    """Directional errors, and what gold looks like."""
-    import matplotlib.pyplot as plt
-
-    shown = ("single bounce", "Turquin", "Kulla-Conty", "correlated", "uncorrelated", "Distilled", "height walk")
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), width_ratios=(1.7, 1))
-    labels = [f"{kind}\n{', '.join(f'{a:g}' for a in alpha)}" for kind, alpha in CASES]
-    for i, name in enumerate(shown):
-        values = []
-        for kind, alpha in CASES:
-            mine = [r for r in content["lobes"] if r["distribution"] == kind and r["alpha"] == list(alpha)]
-            values.append(math.sqrt(sum(r["error"][name] ** 2 for r in mine) / len(mine)))
-        axes[0].bar([x + (i - 3) * 0.12 for x in range(len(labels))], values, 0.12, label=name)
-    axes[0].set_yscale("log")
-    axes[0].set_ylim(3e-3, 3)
-    axes[0].set_xticks(range(len(labels)), labels)
-    axes[0].set_ylabel("RMS error of the lobe, relative")
-    axes[0].set_title("F = 1, against Smith's theory (invariance)", fontsize=10)
-    axes[0].legend(fontsize=8, ncols=2)
-    axes[0].grid(axis="y", alpha=0.3)
-    row = next(r for r in content["metals"] if r["metal"] == "Au" and r["alpha"] == 1.0)
-    names = ("single bounce", "Turquin", "Kulla-Conty", "correlated", "uncorrelated", "Distilled", "invariance")
-    for c, colour in enumerate(("tab:red", "tab:green", "tab:blue")):
-        values = [row["rgb"][name][c] for name in names]
-        axes[1].barh([y + (c - 1) * 0.26 for y in range(len(names))], values, 0.26, color=colour)
-    axes[1].set_yticks(range(len(names)), names)
-    axes[1].set_xlabel("reflected energy, red green blue")
-    axes[1].set_title("Gold, GGX α = 1, 0.5 rad", fontsize=10)
-    axes[1].grid(axis="x", alpha=0.3)
-    figure.tight_layout()
-    figure.savefig(IMAGE, dpi=80)
+def computed(options: Options) -> dict[str, Any]:
+    """All numbers but the costs."""
+    cases, thetas, metals = CASES, THETAS, METALS
+    if options.quick:
+        cases, thetas, metals = [CASES[0], CASES[6], CASES[9]], THETAS[:1], METALS[1:2]
+        options = replace(options, walks=options.walks / 100, rays=options.rays / 100)
+    command = f"python benchmarks/accuracy_lobes.py --walks {options.walks:g} --rays {options.rays:g}"
+    content: dict[str, Any] = {"birth": birth_certificate(), "command": f"{command} --seed {options.seed}"}
+    content["metals"] = [metal_row(metal, alpha, options) for metal, alpha in metals]
+    content["lobes"] = []
+    for case in cases:
+        for theta in thetas:
+            content["lobes"].append(lobe_row(*case, theta, options))
+        print(*case, {k: f"{v:.4f}" for k, v in content["lobes"][-1]["error"].items()}, flush=True)
+    return content
 
 
 def main(options: Options) -> None:
-    check_writable(options.out, options.force)
-    if options.cost_only:
+    if not options.figure_only:
+        check_writable(options.out, options.force or options.cost_only)
+    if options.cost_only or options.figure_only:
         content = json.loads(options.out.read_text())
-        content["ns_per_value"], content["birth_of_cost"] = costs(), birth_certificate()
+        if options.cost_only:
+            content["ns_per_value"], content["birth_of_cost"] = costs(), birth_certificate()
     else:
-        command = f"python benchmarks/accuracy_lobes.py --walks {options.walks:g} --rays {options.rays:g}"
-        content = {"birth": birth_certificate(), "command": f"{command} --seed {options.seed}"}
-        content["metals"] = [metal_row(metal, alpha, options) for metal, alpha in METALS]
-        content["lobes"] = []
-        for kind, alpha in CASES:
-            for theta in THETAS:
-                content["lobes"].append(lobe_row(kind, alpha, theta, options))
-            print(kind, alpha, {k: f"{v:.4f}" for k, v in content["lobes"][-1]["error"].items()}, flush=True)
-    write_json(options.out, content, force=True)
-    figure(content)
+        content = computed(options)
+    if not options.figure_only:
+        write_json(options.out, content, force=True)
+    draw(content, options.out.with_suffix(".png") if options.quick else IMAGE)
     for name, times in content.get("ns_per_value", {}).items():
         print(f"{name:28} {times['median']:8.0f} ns")
 

@@ -17,45 +17,51 @@ COLOURS = {"all bounces": "#1f5fa8", "single bounce": "#c4572b"}
 
 
 def draw(shown: dict[str, dict[str, Any]], truth: Tensor, path: Path) -> None:
-    """One row a material: target, first and last image, α maps with their errors, loss."""
-    plt.rcParams.update({"font.size": 9, "text.color": INK, "axes.labelcolor": INK, "axes.titlesize": 9})
+    """Two rows a material: target, first and last pictures; α maps with their errors, and the loss."""
+    plt.rcParams.update({"font.size": 10, "text.color": INK, "axes.labelcolor": INK, "axes.titlesize": 10})
     figure, axes = plt.subplots(
-        len(shown), 8, figsize=(15, 2.25 * len(shown)), dpi=100, layout="constrained", squeeze=False
+        2 * len(shown), 4, figsize=(9, 4.6 * len(shown)), dpi=110, layout="constrained", squeeze=False
     )
-    for line, (name, s) in zip(axes, shown.items(), strict=True):
-        both, single = s["all bounces"], s["single bounce"]
-        for axis, image, title in (
-            (line[0], s["target"], f"{name}: target"),
-            (line[1], both["first"], "first"),
-            (line[2], both["last"], "last, all bounces"),
-            (line[3], single["last"], "last, single bounce"),
-        ):
-            axis.imshow(srgb(image).numpy(), interpolation="nearest")
-            axis.set_title(title)
-            axis.axis("off")
-        low, high = float(truth.min()), float(truth.max())
-        for axis, alpha, title in (
-            (line[4], truth, "α, truth"),
-            (line[5], both["alpha"], "α found, all bounces"),
-            (line[6], single["alpha"], "α found, single bounce"),
-        ):
-            seen = torch.where(s["seen"], alpha, torch.nan)
-            drawn = axis.imshow(seen.numpy(), cmap="viridis", vmin=low, vmax=high, interpolation="nearest")
-            error = float(((alpha - truth) / truth)[s["seen"]].abs().mean())
-            axis.set_title(title if alpha is truth else f"{title}\nmean error {100 * error:.1f} %")
-            axis.set(xticks=[], yticks=[])
-        figure.colorbar(drawn, ax=line[6], fraction=0.04)
-        axis = line[7]
-        for model, colour in COLOURS.items():
-            losses = s[model]["losses"]
-            smooth = losses[: len(losses) // 20 * 20].reshape(-1, 20).mean(1)
-            axis.plot(torch.arange(len(smooth)) * 20, smooth, color=colour, label=model, linewidth=1.2)
-        axis.set_yscale("symlog", linthresh=1e-4)
-        # An estimate without bias of something near zero: below it as often as above.
-        axis.set_title("squared relative error,\nestimate of 20 steps")
-        axis.set_xlabel("step")
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.legend(frameon=False, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.3), ncol=2, columnspacing=1)
+    for (name, s), upper, lower in zip(shown.items(), axes[::2], axes[1::2], strict=True):
+        _pictures(upper, name, s)
+        _maps(lower[:3], s, truth)
+        _losses(lower[3], s)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, pil_kwargs={"optimize": True})
     plt.close(figure)
+
+
+def _pictures(axes: Any, name: str, s: dict[str, Any]) -> None:
+    both, single = s["all bounces"], s["single bounce"]
+    images = (s["target"], both["first"], both["last"], single["last"])
+    titles = (f"{name}: target", "start of the fit", "found, all bounces", "found, single bounce")
+    for axis, image, title in zip(axes, images, titles, strict=True):
+        axis.imshow(srgb(image).numpy(), interpolation="nearest")
+        axis.set_title(title)
+        axis.axis("off")
+
+
+def _maps(axes: Any, s: dict[str, Any], truth: Tensor) -> None:
+    alphas = (truth, s["all bounces"]["alpha"], s["single bounce"]["alpha"])
+    titles = ("α, truth", "α, all bounces", "α, single bounce")
+    for axis, alpha, title in zip(axes, alphas, titles, strict=True):
+        seen = torch.where(s["seen"], alpha, torch.nan)
+        low, high = float(truth.min()), float(truth.max())
+        drawn = axis.imshow(seen.numpy(), cmap="viridis", vmin=low, vmax=high, interpolation="nearest")
+        error = float(((alpha - truth) / truth)[s["seen"]].abs().mean())
+        axis.set_title(title if alpha is truth else f"{title}\nmean error {100 * error:.1f} %")
+        axis.set(xticks=[], yticks=[])
+    axes[0].figure.colorbar(drawn, ax=list(axes), location="bottom", fraction=0.06, aspect=40)
+
+
+def _losses(axis: Any, s: dict[str, Any]) -> None:
+    for (model, colour), dashes in zip(COLOURS.items(), ("-", "--"), strict=True):
+        losses = s[model]["losses"]
+        smooth = losses[: len(losses) // 20 * 20].reshape(-1, 20).mean(1)
+        axis.plot(torch.arange(len(smooth)) * 20, smooth, dashes, color=colour, label=model, linewidth=1.4)
+    axis.set_yscale("symlog", linthresh=1e-4)
+    # An estimate without bias of something near zero: below it as often as above.
+    axis.set_title("squared relative error,\nmean of 20 steps")
+    axis.set_xlabel("step")
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.legend(frameon=False, fontsize=9, loc="upper right")

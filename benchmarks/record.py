@@ -1,6 +1,8 @@
 """What every benchmark's JSON says about where its numbers come from, and how a call is timed."""
 
+import os
 import platform
+import re
 import subprocess
 import time
 from collections.abc import Callable
@@ -13,13 +15,37 @@ import torch
 import torchms
 from torchms.storage.write import write_json
 
-RESULTS = Path(__file__).parent / "results"
+HOME = Path(__file__).parent / "results"
+"""Of the machine in its file `machine`, whose numbers the pages show; those of others go into a folder of their own there."""
+
+
+def _cpu() -> str:
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def machine() -> str:
+    """Processor and number of cores, as the name of a folder."""
+    return re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
+
+
+def results(home: Path = HOME) -> Path:
+    """Where the numbers of this machine go; the folder is made."""
+    known = home / "machine"
+    folder = home if known.exists() and known.read_text().strip() == machine() else home / machine()
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+RESULTS = results()
 
 
 def birth_certificate() -> dict[str, Any]:
     """Machine, versions and commit."""
     commit = subprocess.run(
-        ["git", "describe", "--always", "--dirty"], cwd=RESULTS.parent, capture_output=True, text=True, check=False
+        ["git", "describe", "--always", "--dirty"], cwd=HOME.parent, capture_output=True, text=True, check=False
     )
     return {
         "machine": platform.machine(),
@@ -30,12 +56,6 @@ def birth_certificate() -> dict[str, Any]:
         "torchms": torchms.__version__,
         "commit": commit.stdout.strip() or None,
     }
-
-
-def _cpu() -> str:
-    info = Path("/proc/cpuinfo")
-    names = [line.split(":")[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")]
-    return names[0] if names else platform.processor()
 
 
 def seconds(call: Callable[[], Any], repetitions: int = 7) -> dict[str, float]:
@@ -52,5 +72,4 @@ def seconds(call: Callable[[], Any], repetitions: int = 7) -> dict[str, float]:
 
 def save(name: str, rows: list[dict[str, Any]], out: Path | None = None) -> None:
     """Write `results/<name>.json`, or `out`."""
-    RESULTS.mkdir(exist_ok=True)
     write_json(out or RESULTS / f"{name}.json", {"birth": birth_certificate(), "rows": rows}, force=True)

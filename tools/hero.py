@@ -1,4 +1,4 @@
-"""The picture at the head of the README: gold and glass by one bounce and by all; two minutes of a core.
+"""The picture at the head of the README: gold and glass by one bounce and by all; three minutes of a core.
 
     python -m tools.hero [file]
 
@@ -95,14 +95,17 @@ def sheet(shown: list[Tensor], names: list[str]) -> bytes:
     """Two rows of two pictures with their names, as PNG."""
     import io
 
+    import matplotlib
     from PIL import Image, ImageDraw, ImageFont
 
     rows = [torch.cat(shown[i : i + 2], 1) for i in (0, 2)]
     pixels = (srgb(torch.cat(rows)) * 255).round().to(torch.uint8).numpy()
     picture = Image.fromarray(np.ascontiguousarray(pixels))
-    pen, font = ImageDraw.Draw(picture), ImageFont.load_default(26)
+    pen = ImageDraw.Draw(picture)
+    # Pillow's own font has no α.
+    font = ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), 20)
     for i, name in enumerate(names):
-        pen.text((SIZE * (i % 2) + 18, SIZE * (i // 2) + 14), name.strip(), font=font, fill="white")
+        pen.text((SIZE * (i % 2) + 12, SIZE * (i // 2) + 8), name.strip(), font=font, fill="white")
     content = io.BytesIO()
     picture.save(content, "PNG", optimize=True)
     return content.getvalue()
@@ -111,7 +114,7 @@ def sheet(shown: list[Tensor], names: list[str]) -> bytes:
 def main() -> None:
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("docs/images/hero.png")
     shape, camera = load_shape("sphere", 30.0)
-    light = Environment(studio())
+    light = Environment(studio(2048))
     shown = []
     for name, (surface, paths) in tiles().items():
         scene = Scene(shape, light, ms.compile(surface, verbose=False), "mis", 6)

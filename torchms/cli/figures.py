@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from torchms.bsdfs.named import material_of
 from torchms.cli.arguments import check_angles, parse_count
@@ -22,6 +23,8 @@ from torchms.microsurface.simulation.parts import surfaces_of
 from torchms.storage.write import check_writable, write_json, write_whole
 
 BOUNCES = ("k = 1", "k = 2", "k = 3", "k ≥ 4")
+LEAST = 1e-3
+"""Of the light: a panel of less would show the noise of the simulation."""
 # Okabe-Ito colours, told apart by everyone; dashes tell them apart in print.
 STYLE: dict[str, dict[str, Any]] = {
     SIMULATION: dict(color="black", linewidth=1.4),
@@ -122,45 +125,21 @@ def share(tally: Tally, row: int) -> tuple[float, float]:
 
 
 def draw(cases: list[Case], results: list[dict[str, Tally]]) -> Any:
-    """The figure: a row a bounce, a column an angle of incidence."""
+    """The figure: a row a bounce, a column an angle of incidence; where next to nothing leaves, no panel."""
     from matplotlib.figure import Figure
 
-    transmits = cases[0].material == "dielectric"
     figure = Figure(figsize=(3.6 * len(cases), 11.5), layout="constrained")
     axes = figure.subplots(len(BOUNCES), len(cases), squeeze=False)
     for column, (case, result) in enumerate(zip(cases, results, strict=True)):
         curves = {name: plane_of_incidence(tally, case.phi) for name, tally in result.items()}
-        for row, bounce in enumerate(BOUNCES):
-            ax = axes[row, column]
-            for name, (angle, value, error) in curves.items():
-                inside = torch.full_like(angle, True, dtype=torch.bool) if transmits else angle.abs() < math.pi / 2
-                degrees = torch.rad2deg(angle[inside])
-                y, dy = value[row, inside], error[row, inside]
-                if name == SIMULATION:
-                    ax.fill_between(degrees, y - 2 * dy, y + 2 * dy, color="0.75", linewidth=0)
-                ax.plot(degrees, y, label=name, **STYLE[name])
-                E_r, E_t = share(result[name], row)
-                text = f"{E_r:.4f}" + (f" | {E_t:.4f}" if transmits else "")
-                line = list(curves).index(name)
-                ax.text(
-                    *(0.02, 0.97 - 0.075 * (line + 1), text),
-                    transform=ax.transAxes,
-                    va="top",
-                    color=STYLE[name]["color"],
-                    family="monospace",
-                )
-            ax.text(0.02, 0.97, "$E_r$ | $E_t$" if transmits else "$E_r$", transform=ax.transAxes, va="top")
-            ax.set_xlim((-180, 180) if transmits else (-90, 90))
-            ax.set_xticks(range(-180, 181, 90) if transmits else range(-90, 91, 45))
-            # Room on top for the numbers.
-            ax.set_ylim(0, 1.75 * ax.get_ylim()[1])
-            ax.grid(alpha=0.25)
-            if row == 0:
-                ax.set_title(f"$\\theta_i$ = {case.theta:g} rad")
-            if row == len(BOUNCES) - 1:
-                ax.set_xlabel("angle in the plane of incidence [°], mirror side > 0")
-            if column == 0:
-                ax.set_ylabel(f"{bounce}      f · |cos θ$_o$| [1/sr]")
+        for row in range(len(BOUNCES)):
+            shares = {name: share(tally, row) for name, tally in result.items()}
+            _panel(axes[row, column], row, case.material == "dielectric", curves, shares)
+        axes[0, column].set_title(f"$\\theta_i$ = {math.degrees(case.theta):.3g}°")
+    for row, bounce in enumerate(BOUNCES):
+        axes[row, 0].set_ylabel(f"{bounce}      f · |cos θ$_o$| [1/sr]")
+    for ax in axes[-1]:
+        ax.set_xlabel("angle in the plane of incidence [°]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     ax_, ay_ = cases[0].alpha
@@ -169,5 +148,40 @@ def draw(cases: list[Case], results: list[dict[str, Tally]]) -> Any:
         "dielectric": f"dielectric, η = {cases[0].eta:g}",
         "diffuse": "diffuse, ρ = 1",
     }
-    figure.suptitle(f"{kind[cases[0].material]}, Beckmann α = {ax_:g}" + (f" × {ay_:g}" if ax_ != ay_ else ""))
+    through = ", 180° is straight through" if cases[0].material == "dielectric" else ""
+    surface = f"Beckmann α = {ax_:g}" + (f" × {ay_:g}" if ax_ != ay_ else "")
+    figure.suptitle(f"{kind[cases[0].material]}, {surface}; the mirror direction is at an angle > 0{through}")
     return figure
+
+
+def _panel(
+    ax: Any,
+    row: int,
+    transmits: bool,
+    curves: dict[str, tuple[Tensor, Tensor, Tensor]],
+    shares: dict[str, tuple[float, float]],
+) -> None:
+    """The lobes of one order, and beside each model's name the energy that leaves on either side."""
+    if sum(shares[SIMULATION]) < LEAST:
+        ax.text(0.5, 0.5, f"less than {LEAST:g} of the light", transform=ax.transAxes, ha="center", color="0.5")
+        ax.set(xticks=[], yticks=[])
+        ax.spines[:].set_visible(False)
+        return
+    lines = [f"{'':13}" + ("E_r      E_t" if transmits else "E_r")]
+    for name, (angle, value, error) in curves.items():
+        # Transmitted light is from 90° to 270°: what goes straight through is in the middle of it.
+        turned = torch.where(angle < -math.pi / 2, angle + 2 * math.pi, angle)
+        inside = turned.isfinite() if transmits else angle.abs() < math.pi / 2
+        order = turned[inside].argsort()
+        degrees = torch.rad2deg(turned[inside][order])
+        y, dy = value[row, inside][order], error[row, inside][order]
+        if name == SIMULATION:
+            ax.fill_between(degrees, y - 2 * dy, y + 2 * dy, color="0.75", linewidth=0)
+        ax.plot(degrees, y, label=name, **STYLE[name])
+        lines.append(f"{name:12} " + "   ".join(f"{E:.4f}" for E in shares[name][: 2 if transmits else 1]))
+    ax.text(0.02, 0.98, "\n".join(lines), transform=ax.transAxes, va="top", family="monospace", fontsize=7)
+    ax.set_xlim((-90, 270) if transmits else (-90, 90))
+    ax.set_xticks(range(-90, 271, 90) if transmits else range(-90, 91, 45))
+    # Room on top for the numbers.
+    ax.set_ylim(0, 1.75 * ax.get_ylim()[1])
+    ax.grid(alpha=0.25)
