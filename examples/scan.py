@@ -67,7 +67,7 @@ def draw_slopes(axes: plt.Axes, surface: Heightfield, tabulated: ms.Tabulated) -
     axes.plot(x, each @ weights, label=f"Tabulated, {len(weights)} components")
     axes.plot(x, np.exp(-0.5 * (x / rms) ** 2) / (rms * math.sqrt(2 * math.pi)), "--", label="Beckmann")
     axes.set(yscale="log", ylim=(1e-4 / rms, 1 / rms), xlabel="slope along x", ylabel="density", title="slopes")
-    axes.legend()
+    axes.legend(loc="lower right")
 
 
 def draw_energies(axes: plt.Axes, found: dict[str, Tally], theta: float) -> None:
@@ -113,7 +113,7 @@ def main() -> None:
         for name, tally in found.items():
             numbers = zip(tally.reflected[:ORDERS, 0], tally.reflected_stderr[:ORDERS, 0], strict=True)
             print(f"theta {theta:.1f}  {name:9s}", "  ".join(f"{float(e):.4f} ± {float(s):.4f}" for e, s in numbers))
-    axes[1].legend()
+    axes[1].legend(loc="lower right")
     figure.savefig(options.out, dpi=90)
     print(f"wrote {options.out}")
 

@@ -32,9 +32,9 @@ class Components(NamedTuple):
     yy: Tensor
 
     @staticmethod
-    def of(table: Tensor, ndim: int) -> "Components":
-        """From `table` (6, K), to stand beside tensors of `ndim` axes."""
-        weight, x, y, *rest = table
+    def of(table: Tensor, ndim: int, dtype: torch.dtype | None = None) -> "Components":
+        """From `table` (6, K), to stand beside tensors of `ndim` axes and of this dtype."""
+        weight, x, y, *rest = table if dtype is None else table.to(torch.promote_types(table.dtype, dtype))
         # Whatever the numbers were rounded to, what is seen from above is w_z more than from below: σ(w) − σ(−w) = w_z.
         weight = weight / weight.sum()
         parts = (weight, x - (weight * x).sum(), y - (weight * y).sum(), *rest)

@@ -34,7 +34,7 @@ class Tabulated(MicrofacetDistribution):
 
     weights (K,), means (K, 2) and covariances (K, 2, 2) of the components' slopes (dz/dx, dz/dy); weights are scaled to
     sum to 1. `from_heights`, `from_slopes` and `from_histogram` find them, `Heightfield.distribution()` is that of a
-    surface. scale, scale_y: factors of all slopes along x and y (both `scale` if `scale_y` is not given), in [1e-3, 1e3]:
+    surface. scale, scale_y: factors of all slopes along x and y (both `scale` if `scale_y` is not given), in [0.01, 100]:
     float, tensor or per-pixel map (*batch), buffer or `nn.Parameter`.
     Raises ValueError for numbers that make no distribution, and says which.
     """
@@ -61,8 +61,8 @@ class Tabulated(MicrofacetDistribution):
         rows = [made.weights, *made.means.T, A[:, 0, 0], A[:, 1, 0], A[:, 1, 1]]
         self.register_buffer("table", torch.from_numpy(np.stack(rows)).to(torch.get_default_dtype()))
         remedy = "It multiplies all slopes, as a factor of the heights does."
-        self.declare("scale", scale, low=1e-3, high=1e3, remedy=remedy)
-        self.declare("scale_y", scale_y, low=1e-3, high=1e3, remedy=remedy, optional=True)
+        self.declare("scale", scale, low=1e-2, high=1e2, remedy=remedy)
+        self.declare("scale_y", scale_y, low=1e-2, high=1e2, remedy=remedy, optional=True)
 
     @classmethod
     def from_heights(
@@ -150,7 +150,7 @@ class Tabulated(MicrofacetDistribution):
         """The components beside `w`, and w with the scales in it instead of in the slopes."""
         sx, sy = self.scales
         stretched = Vec3(sx * w.x, sy * w.y, w.z)
-        return Components.of(self.table, max(x.ndim for x in (*stretched, *others))), stretched
+        return Components.of(self.table, max(x.ndim for x in (*stretched, *others)), stretched.x.dtype), stretched
 
     def _slope_density(self, m: Vec3, shift: Tensor | float) -> Tensor:
         """D(m) e^{shift}."""
@@ -159,7 +159,7 @@ class Tabulated(MicrofacetDistribution):
         inverse = 1 / torch.where(up, m.z, 1.0)
         p, q = -m.x * inverse / sx, -m.y * inverse / sy
         shift = torch.where(up, shift, 0.0)
-        density = slope_density(Components.of(self.table, max(p.ndim, q.ndim, shift.ndim)), p, q, shift)
+        density = slope_density(Components.of(self.table, max(p.ndim, q.ndim, shift.ndim), p.dtype), p, q, shift)
         inverse2 = inverse * inverse
         return torch.where(up, density * (inverse2 * inverse2 / (sx * sy)), 0.0)
 

@@ -277,7 +277,7 @@ GOOD = ([0.5, 0.5], [[0.1, 0.0], [-0.1, 0.0]], [[[0.1, 0], [0, 0.1]]] * 2)
         (lambda: Tabulated([0.9, 0.1], *GOOD[1:]), r"means=\.\.\.\) must sum to 0.*Subtract"),
         (lambda: Tabulated(*GOOD[:2], [[[0.1, 0.2], [0.2, 0.1]]] * 2), r"covariances=\.\.\.\) must have variances in"),
         (lambda: Tabulated(*GOOD[:2], [[[0.1, 0.2], [0.0, 0.1]]] * 2), "symmetric"),
-        (lambda: Tabulated(*GOOD, scale=0.0), r"scale=\.\.\.\) must lie in \[0\.001, 1000\]; got 0"),
+        (lambda: Tabulated(*GOOD, scale=0.0), r"scale=\.\.\.\) must lie in \[0\.01, 100\]; got 0"),
         (lambda: Tabulated.from_slopes(np.zeros((5, 2))), "A mirror or a groove is a limit"),
         (lambda: Tabulated.from_slopes(1e3 * skewed(50)), "different units"),
         (lambda: Tabulated.from_slopes(np.zeros((5, 3))), r"must be \(n, 2\)"),
