@@ -106,7 +106,7 @@ def test_what_was_learned_is_what_runs(generator):
 
 
 def test_integrals_are_those_of_smiths_walks(generator):
-    """What the points say leaves after one, two and three bounces is what walks of the theory carry, to four standard errors."""
+    """What the points say leaves after one, two and three bounces is what walks of the theory carry: four standard errors."""
     n = 4000
     rows = surfaces((0.3, 0.9), n, generator)
     model = RoughConductor(Beckmann(rows.ax, rows.ay), Ideal(), Distilled())
