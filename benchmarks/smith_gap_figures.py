@@ -18,14 +18,16 @@ def draw(numbers: Path, folder: Path) -> None:
     """Write the figures."""
     content = json.loads(numbers.read_text())
     folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in (
-        ("smith_gap_angles", angles(content)),
-        ("smith_gap_causes", causes(content)),
-        ("smith_gap_valley", valley(content)),
-        ("smith_gap_surfaces", surfaces(content)),
+    for name, needs, figure in (
+        ("smith_gap_angles", ("angles",), angles),
+        ("smith_gap_valley", ("angles",), valley),
+        ("smith_gap_causes", ("angles", "forgetful"), causes),
+        ("smith_gap_surfaces", ("angles", "exponential", "texels"), surfaces),
     ):
-        figure.savefig(folder / f"{name}.png", dpi=110)
-        plt.close(figure)
+        if all(part in content for part in needs):  # a run that was stopped has some of them
+            drawn = figure(content)
+            drawn.savefig(folder / f"{name}.png", dpi=110)
+            plt.close(drawn)
 
 
 def gap(row: dict[str, Any]) -> np.ndarray:

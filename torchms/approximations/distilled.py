@@ -73,7 +73,8 @@ class Distilled(Scattering):
     facets of which no file is are refused with a ValueError.
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
     surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces of metal, Beckmann with α_x and α_y in [0.1, 1], in
-    place of those of Smith's theory, which is off by up to 0.036 in single energies there: see docs/what_smith_misses.md.
+    place of those of Smith's theory: much nearer to such surfaces from 1 rad on, not yet at steeper incidence, where a furnace
+    is off by up to 0.035. See docs/surface_lobes.md.
     """
 
     sources = ("Wang2022", "Cui2023")

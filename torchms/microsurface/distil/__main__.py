@@ -33,7 +33,7 @@ class Options:
     """The file."""
     work: Path = Path("build/distil/gaussian")
     """Folder of blocks of light and of checkpoints."""
-    blocks: int = 96
+    blocks: int = 48
     """Tiles of a million texels, each with 131 072 paths."""
     steps: int = 24
     """Newton steps on the likelihood."""
