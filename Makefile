@@ -50,7 +50,7 @@ tables: $(STAMP)  ## the albedo tables of the compensations, a few minutes
 layered: $(STAMP)  ## the table of MetallicRoughness, after make distil: ten seconds
 	$(BIN)/python -m tools.generate_layered
 
-distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the package: about an hour on two idle cores
+distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the package: metal about half an hour on two idle cores, then glass and diffuse facets
 	$(BIN)/python -m torchms.approximations.distil --distribution GGX --blocks 48 --force --out torchms/approximations/distilled_ggx_metal.npz
 	$(BIN)/python -m torchms.approximations.distil --distribution Beckmann --force --out torchms/approximations/distilled_beckmann_metal.npz
 	$(BIN)/python -m torchms.approximations.distil.glass --distribution GGX --force --outs torchms/approximations/distilled_ggx_reflected.npz torchms/approximations/distilled_ggx_transmitted.npz

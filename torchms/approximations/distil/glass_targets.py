@@ -1,7 +1,5 @@
 """What a distillation of glass learns from: unbiased estimates of one bounce and of all others together."""
 
-from collections.abc import Callable
-
 import torch
 from torch import Tensor
 
@@ -18,10 +16,10 @@ SHORT, LONGEST = 6, 16
 """Bounces that walks from both ends are joined for, and of those from one end."""
 
 
-def glass(kind: str, where: Surfaces, scattering: Scattering, *, machine: bool = True) -> BSDF:
-    """Glass without the η² of radiance, a surface a row."""
+def glass(kind: str, where: Surfaces, scattering: Scattering) -> BSDF:
+    """Glass without the η² of radiance, a surface a row, as machine code."""
     surface = RoughDielectric(where.distribution(kind), Dielectric(where.eta), scattering, "importance")
-    return compile(surface, verbose=False) if machine else surface
+    return compile(surface, verbose=False)
 
 
 @torch.no_grad()
@@ -40,8 +38,3 @@ def first_energy(kind: str, where: Surfaces, seed: int, paths: int = 4096) -> Te
     """R + T of one bounce (n)."""
     one = glass(kind, where, SingleBounce()).albedo(where.wi, Stream(seed, paths, "sobol"))
     return (one.reflected + one.transmitted)[:, 0, 0]
-
-
-def in_parts(function: Callable[[Surfaces, Tensor], Tensor], where: Surfaces, wo: Tensor, step: int = 8192) -> Tensor:
-    """`function` of so many rows at a time, joined."""
-    return torch.cat([function(where.part(some), wo[some]) for some in torch.arange(len(wo)).split(step)])
