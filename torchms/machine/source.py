@@ -40,21 +40,25 @@ def _columns(program: Program) -> list[str]:
     return [found[i] for i in range(len(found))]
 
 
-def _functions(program: Program, needed: list[bool], fast: bool) -> str:
+def _cells(program: Program, needed: list[bool]) -> dict[int, int]:
+    """Places of what all elements share and the loop reads, computed once a call."""
     operations, varies = program.operations, program.varies
-    # What all elements share and the loop reads, computed once a call.
+    read = [
+        argument
+        for value, operation in enumerate(operations)
+        if needed[value] and varies[value] and operation.name != "column"
+        for argument in program.taken(operation)
+    ]
     cells: dict[int, int] = {}
-
-    def cell(value: int) -> None:
+    for value in [*read, *program.results]:
         if not varies[value] and operations[value].name not in ("number", "array"):
             cells.setdefault(value, len(cells))
+    return cells
 
-    for value, operation in enumerate(operations):
-        if needed[value] and varies[value] and operation.name != "column":
-            for argument in program.taken(operation):
-                cell(argument)
-    for value in program.results:
-        cell(value)
+
+def _functions(program: Program, needed: list[bool], fast: bool) -> str:
+    operations, varies = program.operations, program.varies
+    cells = _cells(program, needed)
     prelude, before, loop = [], [], []
     for value, operation in enumerate(operations):
         if not needed[value]:

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from torchms.approximations.distil.weights import Inputs
 from torchms.microsurface.distil.networks import Correction
-from torchms.sampling.uniforms import generator_for, integers
+from torchms.sampling.uniforms import draw, generator_for, integers
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import write_whole
 
@@ -106,7 +106,8 @@ def matrix(model: Correction, vector: Tensor, points: Points, seed: int) -> Tens
     for some in rows.split(CHUNK):
         x = Inputs(*(a[some] for a in points.inputs))
         share = points.smith[some] * torch.exp(model.outputs(vector, x)) + 1e-30
-        which = torch.multinomial(share, 1, generator=generator)[:, 0]
+        u = draw((len(some),), 1, 1, generator=generator)[:, 0]
+        which = (share.cumsum(1) < u * share.sum(1, keepdim=True)).sum(1).clamp_max(share.shape[1] - 1)
         root = (share.sum(1) * (len(points.smith) / POINTS)).sqrt()
         columns = model.derivatives(vector, x, which) * root[:, None]
         found += (columns.T @ columns).double()
