@@ -55,7 +55,7 @@ def angles(content: dict[str, Any]) -> plt.Figure:
         axis.axhline(0, color="0.7", lw=0.8, zorder=0)
         axis.set(title=f"α = {alpha:g}", xlabel="θ of incidence [rad]")
     axes[0].set_ylabel("energy: surface − Smith")
-    axes[-1].legend(fontsize=8)
+    axes[0].legend(fontsize=8, loc="lower left")
     return figure
 
 
