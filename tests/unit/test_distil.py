@@ -14,7 +14,8 @@ from torchms.approximations.distil.rows import OUTGOING, drawn
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.distil.weights import Weights, sizes_of
 from torchms.approximations.distilled import NETWORKS
-from torchms.approximations.metal_lobes import MetalLobes
+from torchms.approximations.metal_features import FEATURES
+from torchms.approximations.metal_lobes import FACETS, MetalLobes
 from torchms.fresnel import Ideal
 from torchms.maths.frame import split
 
@@ -46,7 +47,10 @@ def test_what_was_trained_is_what_runs(generator):
     weights, rows, inputs = weights_and_rows(generator)
     vector = weights.initial(generator)
     pair, each = weights.folded(vector)
-    lobes = MetalLobes(files.Distillate("metal", "GGX", (0.1, 1.0), *pair, {}, each))
+    facets = [(torch.zeros(1, FEATURES), torch.zeros(1)), (torch.zeros(FACETS, 1), torch.zeros(FACETS))]
+    lobes = MetalLobes(
+        files.Distillate("metal", "GGX", (0.1, 1.0), *pair, {}, each, facets=(facets, torch.zeros(FACETS, FEATURES)))
+    )
     found = lobes.rest(GGX(rows.ax, rows.ay), split(rows.wi), split(rows.wo))
     expected = Level(weights).value(vector, weights.standardised(inputs))
     torch.testing.assert_close(sum(found.lobes), expected, rtol=2e-4, atol=0)
@@ -78,6 +82,8 @@ def test_a_small_distillation(tmp_path: Path):
         cells=16,
         widths=(4,),
         each=(3,),
+        facets=3,
+        facet_steps=4,
         held_out_points=4,
         held_out_paths=(2, 4),
     )

@@ -99,7 +99,7 @@ def distilled(
         "torchms": __version__,
         "torch": torch.__version__,
         "commit": commit(),
-        "paths": found.begun,
+        "paths": len(found.where.ax) * light.RAYS,
         **about,
     }
     made = files.Distillate(
