@@ -63,9 +63,9 @@ class Distilled(Scattering):
     exact; 1 is all others together; α_x and α_y may differ, the relative index lies in [1/3, 3].
     Reciprocal (for glass with the squares of the indices), positive and symmetric by construction. Energies are learned.
     Lobes of metal are off by 0.2 % of their root mean square in the median, by at most 1.3 % up to 1.4 rad for the surfaces in
-    docs/accuracy.md, 2.7 % for random ones. Energies with F = 1 are off by 0.06 % in the median, 0.3 % at most for round surfaces
-    with α ≥ 0.25, 5 % for grazing light on smooth ones, 2 % for α = (1, 0.1), and 12 % at worst, for grazing light on Beckmann's
-    (0.03, 1).
+    docs/accuracy.md, 2.7 % for random ones. Energies with F = 1 are off by 0.06 % in the median, 0.3 % at most for round
+    surfaces with α ≥ 0.25, 5 % for grazing light on smooth ones, 2 % for α = (1, 0.1), and 12 % at worst, for grazing light on
+    Beckmann's (0.03, 1).
     A diffuse furnace is white to 1e-3 up to α = 0.5, to 3e-3 at α = 1 or for axes of a ratio up to 10; glass keeps energy to
     about 0.01 (grazing 0.02) for α ≤ 0.4, and only to some 0.05 at α = 1, the more at grazing incidence.
     table: the path of a file that `python -m torchms.approximations.distil` wrote, or several of them; None takes those of

@@ -40,7 +40,7 @@ def build_bsdf(options: RenderOptions) -> BSDF:
         others = ("bsdf", *SHORT, "scattering", "max_order")
         if named := [f"--{name.replace('_', '-')}" for name in others if is_given(options, name)]:
             raise ValueError(f"--base-color says what the surface is, with all bounces: leave out {', '.join(named)}.")
-        return MetallicRoughness(list(options.base_color), **({"metallic": 0.0, "roughness": 0.5} | own))
+        return MetallicRoughness(list(options.base_color), own.get("metallic", 0.0), own.get("roughness", 0.5))
     if own:
         raise ValueError(f"{' and '.join(f'--{name}' for name in own)} goes with --base-color.")
     if options.bsdf is None and not any(is_given(options, name) for name in (*SHORT, "scattering", "max_order")):

@@ -62,12 +62,14 @@ def table(lobes: GlassLobes, kind: str, where: Surfaces, seed: int) -> Table:
         (first, a), (_, b) = (
             glass_targets.estimated(kind, many, wo, 4 * seed + 2 * up + half, PATHS) for half in (0, 1)
         )
-        found.append(compared(*(x.double().view(-1, POINTS) for x in (mine, first, a, b)), points.weights.double()))
+        mine, first, a, b = (x.double().view(-1, POINTS) for x in (mine, first, a, b))
+        found.append(compared(mine, first, a, b, points.weights.double()))
         for some in torch.arange(len(energy)).split(64):
             points = glass_rows.lobes(kind, where.part(some), up, QUADRATURE, generator_for(seed + 3 + up))
             value = rest(lobes, kind, where.part(some).repeated(QUADRATURE), points.wo.reshape(-1, 3), up)
             energy[some] += (value.view(-1, QUADRATURE) * points.weights).sum(1)
-    return Table(where, *found, energy)
+    up_there, down_there = found
+    return Table(where, up_there, down_there, energy)
 
 
 def summary(lobes: GlassLobes, kind: str, alpha: tuple[float, float], seed: int) -> dict[str, Any]:

@@ -85,5 +85,5 @@ def lobes(kind: str, where: Surfaces, up: bool, count: int, generator: torch.Gen
 
 
 def _lobes(wo: Vec3, weights: Tensor) -> Lobes:
-    wo, weights = join(wo), weights / weights.shape[1]
-    return Lobes(wo, weights.expand(wo.shape[:2]))
+    joined, weights = join(wo), weights / weights.shape[1]
+    return Lobes(joined, weights.expand(joined.shape[:2]))

@@ -3,7 +3,7 @@
 import io
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -95,7 +95,8 @@ def made(folder: Path, numbers: Sequence[int], block: Made, threads: int, advanc
         if not path.exists():
             file = io.BytesIO()
             arrays = block(number)
-            np.savez(file, **{name: arrays[name] for name in COLUMNS})
+            content: dict[str, Any] = {name: arrays[name] for name in COLUMNS}
+            np.savez(file, **content)
             write_whole(path, file.getvalue(), force=True)
 
     with Workers(threads) as workers:

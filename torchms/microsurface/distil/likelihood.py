@@ -39,7 +39,7 @@ class Paths(NamedTuple):
     """
 
     inputs: Inputs
-    index: Tensor
+    order: Tensor
     weight: Tensor
     first: Tensor
 
@@ -47,7 +47,7 @@ class Paths(NamedTuple):
         """Those of the directions `begin` … `end` − 1, with the weights of all."""
         rows = slice(int(self.first[begin]), int(self.first[end]))
         more = (len(self.first) - 1) / (end - begin)
-        return Paths(self.inputs.part(rows), self.index[rows], self.weight[rows] * more, self.first)
+        return Paths(self.inputs.part(rows), self.order[rows], self.weight[rows] * more, self.first)
 
 
 class Points(NamedTuple):
@@ -90,7 +90,7 @@ def slope(model: Correction, vector: Tensor, paths: Paths, points: Points) -> tu
 
 def _terms(model: Correction, vector: Tensor, paths: Paths, points: Points) -> Iterator[Tensor]:
     for x, index, weight in zip(
-        paths.inputs.split(CHUNK), paths.index.split(CHUNK), paths.weight.split(CHUNK), strict=True
+        paths.inputs.split(CHUNK), paths.order.split(CHUNK), paths.weight.split(CHUNK), strict=True
     ):
         yield -(weight * model.outputs(vector, x).gather(1, index[:, None])[:, 0]).sum()
     for x, smith in zip(points.inputs.split(CHUNK), points.smith.split(CHUNK), strict=True):

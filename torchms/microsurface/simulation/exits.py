@@ -41,8 +41,8 @@ def exits(caster: GridCaster, material: FacetMaterial, wi: np.ndarray, key: np.n
     found = Exits(np.zeros((n, 3), np.float32), np.zeros(n, np.uint8), np.zeros(n, np.float32))
     p.n = n
     up = np.array([0.0, 0.0, 1.0])
-    place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
-    launch(0, n, key, up, *grid.heights.shape, grid.launch_height, *place, n)
+    nx, ny = grid.heights.shape
+    launch(0, n, key, up, nx, ny, grid.launch_height, p.x, p.y, p.z, p.d, p.tri, p.side, p.ray, n)
     p.d[:] = -wi
     for events in range(max_order + 1):
         if events:
@@ -58,7 +58,7 @@ def exits(caster: GridCaster, material: FacetMaterial, wi: np.ndarray, key: np.n
         found.order[rays] = events
         stays = p.tri[: p.n] >= 0
         m = int(stays.sum())
-        for x in place:
+        for x in (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray):
             x[:m] = x[: p.n][stays]
         p.n = m
         if not m:

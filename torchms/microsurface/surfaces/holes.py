@@ -47,12 +47,13 @@ def units(
             f"{name}(spacing=...) must be left out: {path} says that its texels are {scan.spacing[0]:g} x {scan.spacing[1]:g} "
             f"{scan.unit or ''} apart. Scale the slopes by height_scale."
         )
-    if scan.spacing is None and spacing is None:
+    given = spacing if scan.spacing is None else scan.spacing
+    if given is None:
         raise ValueError(
             f"{name}(spacing=...) must be given: {path} does not say how far apart its texels are. Pass dx or (dx, dy) in the "
             "unit of the heights."
         )
-    step = checked_spacing(spacing if scan.spacing is None else scan.spacing, f"{name}(spacing=...)")
+    step = checked_spacing(given, f"{name}(spacing=...)")
     return step, 1.0 if height_scale is None else float(height_scale)
 
 

@@ -38,6 +38,7 @@ def read_scan(path: str | Path) -> Scan:
     except ImportError as error:
         raise ImportError("Scans need SurfaceTopography: pip install torchms[scans].") from error
     _check_size(path)
+    heights, spacing, unit = np.empty((0, 0)), None, None
     try:
         channel = open_topography(str(path)).default_channel
         points = tuple(int(n) for n in channel.nb_grid_pts)
@@ -45,7 +46,8 @@ def read_scan(path: str | Path) -> Scan:
             known = channel.physical_sizes is not None
             topography = channel.topography(**({} if known else {"physical_sizes": points}))
             heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
-            spacing = tuple(float(step) for step in topography.pixel_size) if known else None
+            dx, dy = (float(step) for step in topography.pixel_size)
+            spacing = (dx, dy) if known else None
             unit = topography.unit
     except Exception as error:  # the library raises a dozen kinds for as many formats and kinds of damage
         told = (str(error).strip() or type(error).__name__).splitlines()[0]
