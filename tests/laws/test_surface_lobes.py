@@ -71,7 +71,7 @@ def test_the_furnace_is_white(alpha, scattering):
 
 
 WHITE = 0.045
-"""How far a white furnace is off, at most: learned, not built in; grazing light across the grooves of (1, 0.1) is off by more."""
+"""How far a white furnace is off, at most: learned, not built in. Grazing light across grooves, (1, 0.1), is off by more."""
 
 LIGHT = {
     ((0.5,), 1.0): [0.8725, 0.1096, 0.0129, 0.0051],
