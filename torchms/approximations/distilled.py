@@ -8,6 +8,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
+from torch.nn.utils.parametrize import type_before_parametrizations
 
 from torchms.approximations import diffuse_lobes, free_features, glass_lobes, metal_features, metal_lobes, surface_lobes
 from torchms.approximations import distilled_file as files
@@ -150,7 +151,7 @@ class Distilled(Scattering):
         return True
 
     def check(self, vertex: Vertex) -> None:
-        kind = type(vertex.distribution).__name__
+        kind = _kind(vertex)
         key = self._key(vertex)
         if key not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution | Tabulated):
             raise ValueError(
@@ -218,9 +219,14 @@ class Distilled(Scattering):
         yield from metal_walk(vertex, self.single, MetalProposal(distribution), rest, wi, u, first)
 
     def _key(self, vertex: Vertex) -> str:
-        return f"{type(vertex.distribution).__name__} {FACETS.get(type(vertex), '')}"
+        return f"{_kind(vertex)} {FACETS.get(type(vertex), '')}"
 
-    def _elliptic(self, vertex: Vertex) -> EllipticDistribution:
+    def _kind(vertex: Vertex) -> str:
+    """The distribution's class; `constrain` gives it one of its own."""
+    return type_before_parametrizations(vertex.distribution).__name__
+
+
+def _elliptic(self, vertex: Vertex) -> EllipticDistribution:
         """What the lobes of metal start from."""
         lobes = self.lobes[self._key(vertex)]
         found = lobes.facets if isinstance(lobes, SurfaceLobes) and lobes.facets is not None else vertex.distribution
