@@ -221,12 +221,7 @@ class Distilled(Scattering):
     def _key(self, vertex: Vertex) -> str:
         return f"{_kind(vertex)} {FACETS.get(type(vertex), '')}"
 
-    def _kind(vertex: Vertex) -> str:
-    """The distribution's class; `constrain` gives it one of its own."""
-    return type_before_parametrizations(vertex.distribution).__name__
-
-
-def _elliptic(self, vertex: Vertex) -> EllipticDistribution:
+    def _elliptic(self, vertex: Vertex) -> EllipticDistribution:
         """What the lobes of metal start from."""
         lobes = self.lobes[self._key(vertex)]
         found = lobes.facets if isinstance(lobes, SurfaceLobes) and lobes.facets is not None else vertex.distribution
