@@ -238,3 +238,8 @@ def packaged(distribution: str, facet: str) -> files.Distillate:
     name = f"distilled_{distribution.lower()}_{facet}.npz"
     with resources.as_file(resources.files("torchms.approximations") / name) as path:
         return files.read(path, NETWORKS)
+
+
+def _kind(vertex: Vertex) -> str:
+    """The distribution's class; `constrain` gives it one of its own."""
+    return type_before_parametrizations(vertex.distribution).__name__
