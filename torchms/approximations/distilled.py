@@ -8,7 +8,6 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn.utils.parametrize import type_before_parametrizations
 
 from torchms.approximations import diffuse_lobes, free_features, glass_lobes, metal_features, metal_lobes, surface_lobes
 from torchms.approximations import distilled_file as files
@@ -26,6 +25,7 @@ from torchms.estimators.base import Exit, Scattering
 from torchms.estimators.single_bounce import SingleBounce
 from torchms.maths.frame import Vec3
 from torchms.parameters.declared import first_bad
+from torchms.parameters.exchange import class_of
 from torchms.paths.diffuse import Diffuse
 from torchms.paths.mirror import Mirror
 from torchms.paths.refractive import Refractive
@@ -151,7 +151,7 @@ class Distilled(Scattering):
         return True
 
     def check(self, vertex: Vertex) -> None:
-        kind = _kind(vertex)
+        kind = class_of(vertex.distribution).__name__
         key = self._key(vertex)
         if key not in self.lobes or not isinstance(vertex.distribution, EllipticDistribution | Tabulated):
             raise ValueError(
@@ -219,7 +219,7 @@ class Distilled(Scattering):
         yield from metal_walk(vertex, self.single, MetalProposal(distribution), rest, wi, u, first)
 
     def _key(self, vertex: Vertex) -> str:
-        return f"{_kind(vertex)} {FACETS.get(type(vertex), '')}"
+        return f"{class_of(vertex.distribution).__name__} {FACETS.get(type(vertex), '')}"
 
     def _elliptic(self, vertex: Vertex) -> EllipticDistribution:
         """What the lobes of metal start from."""
@@ -238,8 +238,3 @@ def packaged(distribution: str, facet: str) -> files.Distillate:
     name = f"distilled_{distribution.lower()}_{facet}.npz"
     with resources.as_file(resources.files("torchms.approximations") / name) as path:
         return files.read(path, NETWORKS)
-
-
-def _kind(vertex: Vertex) -> str:
-    """The distribution's class; `constrain` gives it one of its own."""
-    return type_before_parametrizations(vertex.distribution).__name__

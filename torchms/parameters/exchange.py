@@ -67,7 +67,7 @@ def with_parameters(module: M, values: Mapping[str, Tensor]) -> M:
             below.setdefault(head, {})[rest] = value
         else:
             here[name] = value
-    clone = object.__new__(_class(module))
+    clone = object.__new__(class_of(module))
     clone.__dict__.update(module.__dict__)
     clone._parameters, clone._buffers, clone._modules = (
         dict(module._parameters),
@@ -92,7 +92,7 @@ def with_parameters(module: M, values: Mapping[str, Tensor]) -> M:
     return clone
 
 
-def _class(module: nn.Module) -> type:
+def class_of(module: nn.Module) -> type:
     """The class of `module`, without what `torch.nn.utils.parametrize` adds to it."""
     return type(module).__mro__[1] if PARAMETRIZATIONS in module._modules else type(module)
 

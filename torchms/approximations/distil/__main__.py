@@ -1,6 +1,5 @@
 """python -m torchms.approximations.distil: from a seed to a file of lobes for `Distilled`."""
 
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -10,7 +9,17 @@ from torch import Tensor
 
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil import blocks, energies, facets, held_out, refinement, training
-from torchms.approximations.distil.command import commit, run
+from torchms.approximations.distil.command import (
+    PLACES,
+    check_alpha,
+    check_layers,
+    check_least,
+    check_seed,
+    command_of,
+    commit,
+    run,
+)
+from torchms.approximations.distil.processes import processes, wait_for_all
 from torchms.approximations.distil.rows import Rows, surfaces
 from torchms.approximations.distil.weights import Heads, Net, Weights, sizes_of
 from torchms.approximations.distilled import METAL
@@ -70,9 +79,9 @@ class Options:
 def main(options: Options) -> None:
     """Run all of it. Raises ValueError for options that do not fit, FileExistsError for a file that is there."""
     check(options)
-    rank, world = int(os.environ.get("RANK", "0")), int(os.environ.get("WORLD_SIZE", "1"))
+    rank, world = processes()
     check_writable(options.out, options.force)
-    told = {k: v for k, v in asdict(options).items() if k not in ("out", "work", "force")}
+    told = {k: v for k, v in asdict(options).items() if k not in PLACES}
     if options.start:
         told["start"] = options.start.name
     folder = options.work / options.distribution
@@ -82,10 +91,7 @@ def main(options: Options) -> None:
     numbers = list(range(rank, options.blocks, world))
     with progress_bar("blocks of data", len(numbers)) as advance:
         blocks.made(folder, options.distribution, options.alpha, options.seed, options.paths, numbers, advance)
-    if world > 1:
-        torch.distributed.init_process_group("gloo")
-        torch.distributed.barrier()
-        torch.distributed.destroy_process_group()
+    wait_for_all(world)
     if rank == 0:
         finish(options, folder, told)
 
@@ -158,7 +164,7 @@ def balanced(options: Options, weights: Weights) -> energies.Cells:
 def certified(options: Options, told: dict[str, Any], rows: int, errors: dict[str, Any]) -> dict[str, Any]:
     """What the file says of how it was made, and of how good it is."""
     return {
-        "command": command(options),
+        "command": command_of("torchms.approximations.distil", options),
         "torchms": __version__,
         "torch": torch.__version__,
         "commit": commit(),
@@ -171,9 +177,7 @@ def certified(options: Options, told: dict[str, Any], rows: int, errors: dict[st
 
 def check(options: Options) -> None:
     """ValueError for options that do not fit."""
-    low, high = options.alpha
-    if not 1e-3 <= low < high <= 2:
-        raise ValueError(f"--alpha must be two numbers in [1e-3, 2], the smaller one first; got {low:g} {high:g}.")
+    check_alpha(options.alpha)
     limits = {
         "blocks": 1,
         "steps": 4,
@@ -183,27 +187,11 @@ def check(options: Options) -> None:
         "cells": training.CELLS,
         "held_out_points": 2,
     }
-    for name, least in limits.items():
-        if getattr(options, name) < least:
-            raise ValueError(f"--{name.replace('_', '-')} must be at least {least}; got {getattr(options, name)}.")
-    if not 0 <= options.seed < 1 << 16:
-        raise ValueError(f"--seed must lie in [0, 65536); got {options.seed}.")
-    for name, widths in (("widths", options.widths), ("each", options.each)):
-        if not widths or min(widths) < 1 or len(widths) >= files.MOST_LAYERS:
-            raise ValueError(f"--{name} must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {widths}.")
+    check_least(options, limits)
+    check_seed(options.seed)
+    check_layers(widths=options.widths, each=options.each)
     if min(*options.paths, *options.held_out_paths) < 1:
         raise ValueError(f"--paths must be positive; got {options.paths} and {options.held_out_paths}.")
-
-
-def command(options: Options) -> str:
-    """What makes the same lobes again."""
-    default = Options()
-    words = ["python -m torchms.approximations.distil"]
-    for name, value in asdict(options).items():
-        if name not in ("out", "work", "force") and value != getattr(default, name):
-            numbers = value if isinstance(value, tuple) else (getattr(value, "name", value),)
-            words.append(f"--{name.replace('_', '-')} {' '.join(map(str, numbers))}")
-    return " ".join(words)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import contextlib
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
@@ -21,6 +21,9 @@ from torchms.cli.exit_code import exit_code
 from torchms.cli.progress import progress_bar
 from torchms.storage.write import check_writable
 from torchms.version import __version__
+
+PLACES = ("out", "outs", "work", "force", "threads")
+"""Options that the lobes do not depend on."""
 
 
 @dataclass
@@ -46,7 +49,7 @@ class Common:
     @property
     def told(self) -> dict[str, Any]:
         """What the result depends on."""
-        return {k: v for k, v in asdict(self).items() if k not in ("out", "outs", "work", "force")}
+        return {k: v for k, v in asdict(self).items() if k not in PLACES}
 
     def write(
         self,
@@ -61,14 +64,8 @@ class Common:
         each: tuple[list[Layer], Tensor] | None = None,
     ) -> None:
         """Put a file with its certificate at `out`."""
-        default = {f.name: f.default for f in fields(self)}
-        words = [
-            f"--{k} {' '.join(map(str, v)) if isinstance(v, tuple) else v}"
-            for k, v in self.told.items()
-            if v != default[k]
-        ]
         certificate = {
-            "command": " ".join([f"python -m torchms.approximations.distil.{folder.name}", *words]),
+            "command": command_of(f"torchms.approximations.distil.{folder.name}", self),
             "torchms": __version__,
             "torch": torch.__version__,
             "commit": commit(),
@@ -87,13 +84,9 @@ C = TypeVar("C")
 
 def told(options: Common, facet: str, made: Callable[[int], dict[str, Tensor]]) -> tuple[dict[str, Tensor], Path]:
     """The blocks of data, made as far as they are not there, and their folder."""
-    low, high = options.alpha
-    if not 1e-3 <= low < high <= 2:
-        raise ValueError(f"--alpha must be two numbers in [1e-3, 2], the smaller one first; got {low:g} {high:g}.")
-    if options.blocks < 1:
-        raise ValueError(f"--blocks must be at least 1; got {options.blocks}.")
-    if not 0 <= options.seed < 1 << 16:
-        raise ValueError(f"--seed must lie in [0, 65536); got {options.seed}.")
+    check_alpha(options.alpha)
+    check_least(options, {"blocks": 1})
+    check_seed(options.seed)
     for name in ("out", "outs"):
         value = getattr(options, name, ())
         for path in value if isinstance(value, tuple) else (value,):
@@ -103,6 +96,46 @@ def told(options: Common, facet: str, made: Callable[[int], dict[str, Tensor]]) 
     opened(folder, {"version": __version__, "format": files.FORMAT, **begun})
     with progress_bar("blocks of data", options.blocks) as advance:
         return blocks(folder, options.blocks, made, advance), folder
+
+
+def check_alpha(alpha: tuple[float, float], least: float = 1e-3, most: float = 2.0) -> None:
+    """ValueError for what is no range of roughness in [least, most]."""
+    low, high = alpha
+    if not least <= low < high <= most:
+        raise ValueError(
+            f"--alpha must be two numbers in [{least:g}, {most:g}], the smaller one first; got {low:g} {high:g}."
+        )
+
+
+def check_least(options: Any, limits: Mapping[str, int]) -> None:
+    """ValueError for an option below its limit."""
+    for name, least in limits.items():
+        if getattr(options, name) < least:
+            raise ValueError(f"--{name.replace('_', '-')} must be at least {least}; got {getattr(options, name)}.")
+
+
+def check_seed(seed: int) -> None:
+    """ValueError for one that some number is added to, and that must stay one."""
+    if not 0 <= seed < 1 << 16:
+        raise ValueError(f"--seed must lie in [0, 65536); got {seed}.")
+
+
+def check_layers(**layers: tuple[int, ...]) -> None:
+    """ValueError for units of hidden layers, by the name of the option, that no file holds."""
+    for name, widths in layers.items():
+        if not widths or min(widths) < 1 or len(widths) >= files.MOST_LAYERS:
+            raise ValueError(f"--{name} must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {widths}.")
+
+
+def command_of(module: str, options: Any) -> str:
+    """What makes the same lobes again: the options that differ from the default, but for places and threads."""
+    words = [f"python -m {module}"]
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if each.name not in PLACES and value != each.default:
+            numbers = value if isinstance(value, tuple) else (getattr(value, "name", value),)
+            words.append(f"--{each.name.replace('_', '-')} {' '.join(map(str, numbers))}")
+    return " ".join(words)
 
 
 @contextlib.contextmanager

@@ -9,12 +9,21 @@ import torch
 
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.blocks import opened
-from torchms.approximations.distil.command import commit, run
+from torchms.approximations.distil.command import (
+    PLACES,
+    check_alpha,
+    check_layers,
+    check_least,
+    check_seed,
+    command_of,
+    commit,
+    run,
+)
+from torchms.approximations.distil.processes import processes, threads_of, wait_for_all
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.surface_lobes import of_smith
 from torchms.cli.progress import progress_bar
 from torchms.microsurface.distil import fit, light
-from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
 from torchms.microsurface.distil.smith import beckmann, smith_orders
 from torchms.storage.write import check_writable
 from torchms.version import __version__
@@ -54,7 +63,7 @@ def main(options: Options) -> None:
     check(options)
     check_writable(options.out, options.force)
     rank, world = processes()
-    told = {k: v for k, v in asdict(options).items() if k not in ("out", "work", "force", "threads")}
+    told = {k: v for k, v in asdict(options).items() if k not in PLACES}
     opened(options.work, {"version": __version__, "alpha": list(options.alpha), "seed": options.seed})
     numbers = list(range(rank, options.blocks, world))
     threads = threads_of(options.threads, world)
@@ -73,7 +82,7 @@ def finish(options: Options, told: dict[str, Any]) -> None:
     sizes = options.widths, options.each
     (layers, skip), each = fit.learned(subject, found, sizes, options.steps, options.seed, options.work)
     certificate = {
-        "command": command(options),
+        "command": command_of("torchms.microsurface.distil", options),
         "torchms": __version__,
         "torch": torch.__version__,
         "commit": commit(),
@@ -89,28 +98,10 @@ def finish(options: Options, told: dict[str, Any]) -> None:
 
 def check(options: Options) -> None:
     """ValueError for options that do not fit."""
-    low, high = options.alpha
-    if not 0.03 <= low < high <= 1:
-        raise ValueError(f"--alpha must be two numbers in [0.03, 1], the smaller one first; got {low:g} {high:g}.")
-    for name, least in {"blocks": 1, "steps": 1}.items():
-        if getattr(options, name) < least:
-            raise ValueError(f"--{name} must be at least {least}; got {getattr(options, name)}.")
-    if not 0 <= options.seed < 1 << 16:
-        raise ValueError(f"--seed must lie in [0, 65536); got {options.seed}.")
-    for name, widths in (("widths", options.widths), ("each", options.each)):
-        if not widths or min(widths) < 1 or len(widths) >= files.MOST_LAYERS:
-            raise ValueError(f"--{name} must be 1 to {files.MOST_LAYERS - 1} positive numbers; got {widths}.")
-
-
-def command(options: Options) -> str:
-    """What makes the same lobes again."""
-    default = Options()
-    words = ["python -m torchms.microsurface.distil"]
-    for name, value in asdict(options).items():
-        if name not in ("out", "work", "force", "threads") and value != getattr(default, name):
-            numbers = value if isinstance(value, tuple) else (value,)
-            words.append(f"--{name.replace('_', '-')} {' '.join(map(str, numbers))}")
-    return " ".join(words)
+    check_alpha(options.alpha, 0.03, 1.0)
+    check_least(options, {"blocks": 1, "steps": 1})
+    check_seed(options.seed)
+    check_layers(widths=options.widths, each=options.each)
 
 
 if __name__ == "__main__":

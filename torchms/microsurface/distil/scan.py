@@ -12,6 +12,7 @@ from torch import Tensor
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.command import commit
+from torchms.approximations.distil.processes import processes, threads_of, wait_for_all
 from torchms.approximations.distil.rows import Rows
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.free_features import free_features, free_features_of_one
@@ -22,7 +23,6 @@ from torchms.estimators import SingleBounce
 from torchms.fresnel import Ideal
 from torchms.maths.frame import Vec3, split
 from torchms.microsurface.distil import fit, held_out, light
-from torchms.microsurface.distil.shared import processes, threads_of, wait_for_all
 from torchms.microsurface.distil.smith import beckmann, smith_orders
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer

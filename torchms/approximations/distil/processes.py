@@ -1,4 +1,4 @@
-"""What distillations of surfaces have in common: processes, and the end of the simulation."""
+"""The processes of a distillation under torchrun."""
 
 import os
 
