@@ -13,6 +13,7 @@ EXTRA = {
     "onnxruntime": "onnx",
     "onnxscript": "onnx",
     "mitsuba": "mitsuba",
+    "SurfaceTopography": "scans",
 }
 """The extra that a package belongs to; where it is in several, the one that most of its users need."""
 MODULE = {"Pillow": "PIL"}

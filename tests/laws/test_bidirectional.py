@@ -288,14 +288,16 @@ def test_facets_met_first_are_spread(n, K, generator):
     lengths = Bidirectional(Invariance(), K).lengths
     D = 1 + 2 * sum(own_numbers(i, length, n) for i, length in enumerate(lengths))
     u = Watched(torch.rand(D, 4096, generator=generator, dtype=torch.float64).unbind(0))
-    first, met = 1, []
-    for pair, length in enumerate(lengths):
-        drawn = Drawn(u, pair, first, lengths, n)
+    first, pairs, met = 1, [], []
+    for pair in range(len(lengths)):
+        pairs.append(Drawn(u, pair, first, lengths, n))
+        first += 2 * pairs[pair].side
+    u.asked.clear()  # the types' run-time checks look at some
+    for drawn, length in zip(pairs, lengths, strict=True):
         for against in (False, True):
             numbers = [drawn.of(against, bounce, range(n)) for bounce in range(length)]
             assert all(len(some) == n for some in numbers)
             met += [] if against else [torch.stack(numbers[0][:2])]
-        first += 2 * drawn.side
     counts = [u.asked.count(k) for k in range(D)]
     shared = {1, 2, 1 + lengths[0] * n, 2 + lengths[0] * n}
     assert first == D and counts == [0, *(len(lengths) if k in shared else 1 for k in range(1, D))]
@@ -378,6 +380,7 @@ def test_value_and_gradient_are_finite_at_the_edges(material, segment, distribut
         assert (value[dark] == 0).all()
 
 
+@pytest.mark.usefixtures("messages")
 def test_only_closed_segment_terms_can_be_joined():
     with pytest.raises(TypeError, match=r"Bidirectional\(segment=...\) must be Uncorrelated"):
         Bidirectional(HeightWalk(2))

@@ -28,7 +28,7 @@ def test_the_names_of_the_parser_are_those_of_the_table() -> None:
     assert get_args(surface.Scattering) == tuple(SCATTERINGS)
 
 
-NO_SURFACE = ("lab", "lut", "fit-measured")
+NO_SURFACE = ("lab", "lut", "fit-measured", "distil")
 """Commands that take no description of a surface."""
 
 
@@ -114,7 +114,7 @@ def test_a_simulation_takes_the_parts_of_a_bsdf() -> None:
 def test_a_measured_surface_takes_any_distribution(tmp_path) -> None:
     path = tmp_path / "a.npy"
     Heightfield.gaussian(0.3, size=128, seed=1).export(path)
-    options = SimulateOptions(surface=path, bsdf="RoughDiffuse(GGX(0.5), 0.8)", periodic=True)
+    options = SimulateOptions(surface=path, spacing=1.0, bsdf="RoughDiffuse(GGX(0.5), 0.8)", periodic=True)
     surface, facets = parts_of(options)
     assert isinstance(surface, Heightfield) and facets == DiffuseFacets([0.8])
     with pytest.raises(ValueError, match="Beckmann's normals"):

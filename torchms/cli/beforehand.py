@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, RenderOptions, SimulateOptions
-from torchms.cli.plain_options import FitMeasuredOptions, LutOptions
+from torchms.cli.plain_options import DistilOptions, FitMeasuredOptions, LutOptions
 from torchms.cli.surface import SurfaceOptions
 from torchms.extras import require
 from torchms.storage.write import check_writable
@@ -90,8 +90,8 @@ def _figures(o: FiguresOptions) -> None:
 
 def _render(o: RenderOptions) -> None:
     files = [o.out, *([] if o.stderr is None else [o.stderr])]
-    for file in files:
-        _suffix(file, PICTURES, "PNG is tone-mapped, EXR is linear")
+    for option, file in zip(("--out", "--stderr"), files, strict=False):
+        _suffix(option, file, PICTURES, "PNG is tone-mapped, EXR is linear")
         require(f"{file}", "OpenEXR" if file.lower().endswith(".exr") else "Pillow")
     _writable(o.force, *files)
     if not any(file.lower().endswith(".png") for file in files):
@@ -108,7 +108,7 @@ def _render(o: RenderOptions) -> None:
 
 
 def _export(o: ExportOptions) -> None:
-    _suffix(o.path, (".onnx",), "that is what is written")
+    _suffix("the path", o.path, (".onnx",), "that is what is written")
     if not o.check:
         refuse(o, ["json", "rows"], "they belong to the comparison, --check")
     _writable(o.force, o.path, o.json)
@@ -135,11 +135,19 @@ def _lut(o: LutOptions) -> None:
 
 def _fit_measured(o: FitMeasuredOptions) -> None:
     if o.out is not None:
-        _suffix(o.out, (".png",), "it is a picture")
+        _suffix("--out", o.out, (".png",), "it is a picture")
         require("the picture", "matplotlib")
     _writable(o.force, o.out, o.json)
     if not o.file.is_file():
         raise FileNotFoundError(f"there is no file {o.file}.")
+
+
+def _distil(o: DistilOptions) -> None:
+    _suffix("--out", o.out, (".npz",), "that is what is written")
+    _writable(o.force, o.out, o.json)
+    require("torchms distil", "numba", "trimesh")
+    if not o.surface.is_file():
+        raise FileNotFoundError(f"there is no file {o.surface}.")
 
 
 def _writable(force: bool, *paths: str | Path | None) -> None:
@@ -148,9 +156,9 @@ def _writable(force: bool, *paths: str | Path | None) -> None:
             check_writable(path, force)
 
 
-def _suffix(path: str | Path, suffixes: tuple[str, ...], why: str) -> None:
+def _suffix(option: str, path: str | Path, suffixes: tuple[str, ...], why: str) -> None:
     if Path(path).suffix.lower() not in suffixes:
-        raise ValueError(f"{path} must end in {' or '.join(suffixes)}: {why}.")
+        raise ValueError(f"{option} must end in {' or '.join(suffixes)}; got {Path(path).name}: {why}.")
 
 
 CHECKS: dict[type, Callable[[Any], None]] = {
@@ -161,4 +169,5 @@ CHECKS: dict[type, Callable[[Any], None]] = {
     ExportOptions: _export,
     LutOptions: _lut,
     FitMeasuredOptions: _fit_measured,
+    DistilOptions: _distil,
 }

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from torchms.extras import missing
 from torchms.storage.media import MOST_PIXELS
 
 TEXT = (".asc", ".txt", ".xyz")
@@ -36,7 +37,7 @@ def read_scan(path: str | Path) -> Scan:
     try:
         from SurfaceTopography import open_topography
     except ImportError as error:
-        raise ImportError("Scans need SurfaceTopography: pip install torchms[scans].") from error
+        raise missing(f"{path}", "SurfaceTopography") from error
     _check_size(path)
     heights, spacing, unit = np.empty((0, 0)), None, None
     try:
