@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -13,12 +14,29 @@ from torchms.parameters.maps import fitted
 from torchms.typing import Direction, Pair, Scalar
 
 
+DERIVED = {
+    "normal_density": ("density_along", "visible_density"),
+    "projected_area": ("blocking", "guarded_area", "visible_density"),
+    "visible_normal": ("reflecting_normal", "reflecting_density"),
+}
+"""Kernel that a subclass gives → what is derived from it here, and may be a closed form in the subclass."""
+
+
 class MicrofacetDistribution(Parametric, ABC):
     """Statistics of the microfacet normals of a Smith surface.
 
     A subclass gives three kernels on component vectors: `normal_density` (D), `projected_area` (what Λ, G1 and the
-    visible normals follow from, on the whole sphere) and `visible_normal` (the sampler). Everything else is here.
+    visible normals follow from, on the whole sphere) and `visible_normal` (the sampler). Everything else is here. A class
+    that writes one of the three anew does not inherit a closed form of what follows from it: that is derived again.
     """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for kernel, derived in DERIVED.items():
+            if kernel in vars(cls):
+                for name in derived:
+                    if name not in vars(cls):
+                        setattr(cls, name, vars(MicrofacetDistribution)[name])
 
     @abstractmethod
     def normal_density(self, m: Vec3) -> Tensor:
