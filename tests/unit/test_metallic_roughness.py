@@ -300,7 +300,7 @@ def test_a_damaged_table(tmp_path):
     whole = {name: np.zeros(shape, np.float32) for name, shape in SHAPES.items()}
     path = tmp_path / "table.npz"
     for content, message in (
-        (whole, "is no table of layers of format 1"),
+        (whole, "is no file of layers: it does not say its format"),
         (whole | {"format": np.array(1), "level": np.zeros(3, np.float32)}, r"'level' must be finite numbers"),
         ({**whole, "format": np.array(1), "level": np.full(SHAPES["level"], np.nan, np.float32)}, "must be finite"),
     ):

@@ -10,7 +10,7 @@ from torchms.approximations import coordinates as at
 from torchms.approximations.chebyshev import contracted, outer, polynomials, summed
 from torchms.distributions.base import EllipticDistribution, MicrofacetDistribution
 from torchms.maths.frame import Vec3
-from torchms.storage.archives import read_arrays, scalar, single
+from torchms.storage.archives import read_versioned, scalar, single
 from torchms.version import __version__
 
 FORMAT = 1
@@ -82,10 +82,7 @@ class AlbedoTable(nn.Module):
         Raises FileNotFoundError for none, ValueError for a file of another format, truncated, or that holds NaN or
         other shapes; nothing is unpickled, and no array is read before its size is known to fit.
         """
-        path = Path(path)
-        if not path.is_file():
-            raise FileNotFoundError(f"there is no albedo table {path}. {REMEDY}")
-        return cls(*_read(path))
+        return cls(*_read(Path(path)))
 
     @classmethod
     def packaged(cls, distribution: str) -> "AlbedoTable":
@@ -163,14 +160,8 @@ class AlbedoTable(nn.Module):
 
 def _read(path: Path) -> tuple[str, dict[str, Tensor]]:
     """Distribution and coefficients of a file; ValueError if it is not what the generator writes."""
-    try:
-        arrays = read_arrays(path, MOST_BYTES)
-    except ValueError as error:
-        raise ValueError(f"{path.name} is truncated or no .npz file of a table: {error}. {REMEDY}") from error
+    arrays = read_versioned(path, MOST_BYTES, FORMAT, "albedos", REMEDY)
     otherwise = f"{path.name} is no albedo table"
-    version = scalar(arrays, "format", otherwise, REMEDY)
-    if version != FORMAT:
-        raise ValueError(f"{path.name} is an albedo table of format {version}; this is format {FORMAT}. {REMEDY}")
     name = str(scalar(arrays, "distribution", otherwise, REMEDY))
     missing = [key for key in SHAPES if key not in arrays]
     if missing:

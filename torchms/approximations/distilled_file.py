@@ -13,7 +13,7 @@ from torch import Tensor
 
 from torchms.approximations.network import Layer
 from torchms.slopes.mixture import Mixture, checked
-from torchms.storage.archives import read_arrays, scalar, single
+from torchms.storage.archives import read_versioned, scalar, single
 from torchms.storage.write import write_whole
 
 FORMAT = 1
@@ -98,16 +98,8 @@ def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
     do not fit together or are not finite; nothing is unpickled, and no array is read before its size is known to fit.
     """
     path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file of distilled lobes {path}. {REMEDY}")
-    try:
-        arrays = read_arrays(path, MOST_BYTES)
-    except ValueError as error:
-        raise ValueError(f"{path.name} is truncated or no .npz file of distilled lobes: {error}. {REMEDY}") from error
+    arrays = read_versioned(path, MOST_BYTES, FORMAT, "distilled lobes", REMEDY)
     otherwise = f"{path.name} holds no distilled lobes"
-    version = scalar(arrays, "format", otherwise, REMEDY)
-    if version != FORMAT:
-        raise ValueError(f"{path.name} holds distilled lobes of format {version}; this is format {FORMAT}. {REMEDY}")
     facet = str(scalar(arrays, "facet", otherwise, REMEDY))
     if facet not in networks:
         raise ValueError(f"{path.name} is about {facet}; known are {', '.join(networks)}.")

@@ -22,7 +22,7 @@ from torchms.approximations.chebyshev import contracted, polynomials, summed
 from torchms.distributions.base import EllipticDistribution
 from torchms.maths.frame import Vec3
 from torchms.maths.numerics import horizon
-from torchms.storage.archives import read_arrays
+from torchms.storage.archives import read_versioned
 
 FORMAT = 1
 """Version of the files: of the coordinates and of what the coefficients multiply."""
@@ -116,14 +116,8 @@ class LayeredTable(nn.Module):
 
     @classmethod
     def load(cls, path: str | Path) -> "LayeredTable":
-        """The table in the file `path`; ValueError for a file that is damaged or of another format."""
-        path = Path(path)
-        try:
-            arrays = read_arrays(path, MOST_BYTES)
-        except ValueError as error:
-            raise ValueError(f"{path.name} is truncated or no .npz file of a table: {error}. {REMEDY}") from error
-        if arrays.get("format", np.array(0)).shape != () or int(arrays.get("format", np.array(0))) != FORMAT:
-            raise ValueError(f"{path.name} is no table of layers of format {FORMAT}. {REMEDY}")
+        """The table in the file `path`; FileNotFoundError for none, ValueError for one damaged or of another format."""
+        arrays = read_versioned(Path(path), MOST_BYTES, FORMAT, "layers", REMEDY)
         known = {n: torch.from_numpy(x) for n, x in arrays.items() if n in SHAPES and x.dtype == np.float32}
         return cls(known, str(arrays.get("lobes", np.array("")).item()))
 

@@ -13,7 +13,6 @@ from torchms.parameters.declared import Parametric, describe
 from torchms.parameters.maps import fitted
 from torchms.typing import Direction, Pair, Scalar
 
-
 DERIVED = {
     "normal_density": ("density_along", "visible_density"),
     "projected_area": ("blocking", "guarded_area", "visible_density"),

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from torchms.slopes.mixture import Mixture, checked
-from torchms.storage.archives import read_arrays, scalar
+from torchms.storage.archives import read_versioned
 from torchms.storage.write import write_whole
 
 FORMAT = 1
@@ -28,18 +28,7 @@ def read(path: str | Path) -> Mixture:
     make no mixture; nothing is unpickled, and no array is read before its size is known to fit.
     """
     path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file of a slope distribution {path}. {REMEDY}")
-    try:
-        arrays = read_arrays(path, MOST_BYTES)
-    except ValueError as error:
-        raise ValueError(f"{path.name} is truncated or no .npz file of slopes: {error}. {REMEDY}") from error
-    otherwise = f"{path.name} holds no slope distribution"
-    version = scalar(arrays, "format", otherwise, REMEDY)
-    if version != FORMAT:
-        raise ValueError(
-            f"{path.name} holds a slope distribution of format {version}; this is format {FORMAT}. {REMEDY}"
-        )
+    arrays = read_versioned(path, MOST_BYTES, FORMAT, "slopes", REMEDY)
     if any(name not in arrays or arrays[name].dtype.kind != "f" for name in Mixture._fields):
-        raise ValueError(f"{otherwise}: it lacks numbers of {', '.join(Mixture._fields)}. {REMEDY}")
+        raise ValueError(f"{path.name} holds no slopes: it lacks numbers of {', '.join(Mixture._fields)}. {REMEDY}")
     return checked(*(arrays[name] for name in Mixture._fields), name=f"{path.name}: Tabulated")

@@ -30,6 +30,23 @@ def read_arrays(path: str | Path, most_bytes: int) -> dict[str, NDArray]:
         raise ValueError(str(error) or type(error).__name__) from error
 
 
+def read_versioned(path: Path, most_bytes: int, version: int, what: str, remedy: str) -> dict[str, NDArray]:
+    """As `read_arrays`, of a file of `what` that says which format it has.
+
+    Raises FileNotFoundError for none, ValueError for one that is damaged or of another format; both say the `remedy`.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path} of {what}. {remedy}")
+    try:
+        arrays = read_arrays(path, most_bytes)
+    except ValueError as error:
+        raise ValueError(f"{path.name} is truncated or no .npz file of {what}: {error}. {remedy}") from error
+    found = scalar(arrays, "format", f"{path.name} is no file of {what}", remedy)
+    if found != version:
+        raise ValueError(f"{path.name} is no file of {what} of format {version}, but of format {found}. {remedy}")
+    return arrays
+
+
 def read_array(path: str | Path, most_bytes: int) -> NDArray:
     """The array of a .npy file of no more than `most_bytes`; ValueError for whatever is wrong with it."""
     try:
