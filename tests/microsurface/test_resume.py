@@ -95,6 +95,7 @@ def test_a_killed_run_loses_only_the_shards_in_flight(tmp_path: Path) -> None:
     assert {k: result[k] for k in KEYS} == expected(3e6)
 
 
+@pytest.mark.slow
 def test_a_killed_worker_of_torchrun_resumes_with_another_number_of_workers(tmp_path: Path) -> None:
     rays, folder, out = "5e6", tmp_path / "shards", tmp_path / "out.json"
     left = killed(folder, rays, 2, out)

@@ -10,11 +10,12 @@ from torchms.onnx import Evaluator, export
 
 
 @each("scattering", DISTILLATES)
-@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+@pytest.mark.parametrize("distribution", ["ggx", pytest.param("beckmann", marks=pytest.mark.slow)])
 def test_a_file_is_eager(scattering: str, distribution: str, tmp_path: Path, generator: torch.Generator) -> None:
     _compare(scattering, distribution, tmp_path, generator)
 
 
+@pytest.mark.slow
 @each("scattering", TRACED)
 def test_a_file_of_traced_lobes_is_eager(scattering: str, tmp_path: Path, generator: torch.Generator) -> None:
     _compare(scattering, "beckmann", tmp_path, generator)
@@ -36,7 +37,7 @@ OTHERS = {"diffuse": {"alpha": 0.6, "alpha_y": 0.2}, "dielectric": {"alpha": 0.6
 
 
 @each("scattering", DISTILLATES)
-@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+@pytest.mark.parametrize("distribution", ["ggx", pytest.param("beckmann", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("material", OTHERS)
 def test_a_file_of_glass_or_diffuse_facets_is_eager(
     scattering: str, distribution: str, material: str, tmp_path: Path, generator: torch.Generator

@@ -151,7 +151,7 @@ def test_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 QUICK = [
-    *(("conductor[conductor]", name) for name in ("uncorrelated", "invariance", "kulla-conty", "turquin")),
+    *(("conductor[conductor]", name) for name in ("invariance", "kulla-conty")),
     ("diffuse", "single"),
 ]
 EVERY = [(m, s) for m in ONE_OF_EACH for s in (*SCATTERINGS, *COMPENSATIONS) if m != "diffuse" or s in SCATTERINGS]

@@ -106,7 +106,7 @@ def test_threads_change_no_bit(generator: torch.Generator, monkeypatch: pytest.M
         assert all(torch.equal(a, b) for a, b in zip(other, found[0], strict=True))
 
 
-@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize("exact", [False, pytest.param(True, marks=pytest.mark.slow)])
 @models(scatterings=["single", "invariance", "height-walk", *COMPENSATIONS])
 def test_hard_numbers(material, scattering, exact, generator: torch.Generator) -> None:
     """Poles, horizons, both sides, h = 0: no guard is lost where sums are rounded otherwise."""
@@ -187,6 +187,7 @@ def test_what_is_exchanged_is_noticed(generator: torch.Generator) -> None:
     assert fast.double()(wi.double(), wo.double()).dtype == torch.float64
 
 
+@pytest.mark.slow
 def test_every_scattering_has_machine_code(recwarn: pytest.WarningsRecorder) -> None:
     """No kernel of the tables runs eagerly behind the word "compiled"."""
     w = torch.tensor([[0.6, 0.0, 0.8]], dtype=torch.float64)

@@ -222,6 +222,7 @@ def test_an_interrupt_at_any_instruction(tmp_path):
     assert 20 < instruction < 999 and (tmp_path / "a.bin").read_bytes() == b"content"
 
 
+@pytest.mark.slow
 def test_an_interrupted_command_leaves_nothing(tmp_path):
     """`torchms simulate --json` stopped by SIGINT: no result, no part of one, a code that says so."""
     out = tmp_path / "out.json"

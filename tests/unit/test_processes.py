@@ -166,7 +166,7 @@ def row(surface: BSDF, index: int) -> Tensor:
     return surface.orders(w, w, Stream(torch.tensor(index), 8))
 
 
-@pytest.mark.parametrize("method", ["fork", "spawn"])
+@pytest.mark.parametrize("method", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
 def test_workers_of_a_data_loader(method, threads):
     """Two workers give the bits of none; a fork after threads were used does not hang."""
     surface = gold()

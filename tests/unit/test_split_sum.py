@@ -60,6 +60,7 @@ def planes(tmp_path_factory) -> np.ndarray:
     return np.fromfile(path, "<f4").reshape(2, 16, 16, 4)
 
 
+@pytest.mark.slow
 def test_all_bounces_of_white_is_white(planes):
     """And all columns are shares; the first two are those of one bounce."""
     assert planes.min() >= 0 and planes.max() <= 1
@@ -74,6 +75,7 @@ WORST = 3e-3
 """Of an energy; most of it is the law by which orders from the fourth on fall off."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES, ids=str)
 def test_the_line_is_the_energy_of_walks(place, planes, seed):
     """[Heitz2016], for every F0, at roughnesses and angles that are no nodes of the table."""
@@ -88,6 +90,7 @@ def test_the_line_is_the_energy_of_walks(place, planes, seed):
     assert noise.max() < 2e-3
 
 
+@pytest.mark.slow
 def test_one_bounce_alone_would_be_dark(planes):
     """What the table is for: at r = 1 it is off by more than half of the light, and all bounces are no line in F0."""
     a, b = planes[0, 15, 15], planes[1, 15, 15]

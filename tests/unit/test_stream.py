@@ -159,6 +159,7 @@ def test_arguments_that_do_not_fit(arguments: tuple, kind: type, words: list[str
     assert all(word in str(caught.value) for word in words), caught.value
 
 
+@pytest.mark.slow
 def test_numbers_compile():
     """In a user's own `torch.compile`, whose Inductor takes integers under a stack of floats for floats: the same bits."""
     program = """

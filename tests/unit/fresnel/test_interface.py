@@ -65,7 +65,11 @@ def test_a_film_of_no_thickness_is_the_boundary():
     torch.testing.assert_close(film([0.0]).double()(c), Dielectric(1.5).double()(c), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("scattering", [HeightWalk(3), Bidirectional(Correlated(), 3)], ids=["walk", "bidirectional"])
+@pytest.mark.parametrize(
+    "scattering",
+    [HeightWalk(3), pytest.param(Bidirectional(Correlated(), 3), marks=pytest.mark.slow)],
+    ids=["walk", "bidirectional"],
+)
 def test_glass_of_a_film_obeys_the_laws(scattering):
     """Energy, density and value against walk, order by order, in three channels at once, from both sides."""
     report = law_suite(RoughDielectric(GGX(0.5), film([0.2, 0.35, 0.6]), scattering), samples=3000)
