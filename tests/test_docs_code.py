@@ -16,11 +16,13 @@ from configparser import ConfigParser
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 import tyro
 
 from torchms.cli.commands import COMMANDS, main
+from torchms.microsurface import Heightfield
 from torchms.mitsuba import find_llvm
 
 ROOT = Path(__file__).parent.parent
@@ -37,11 +39,25 @@ SLOW = {
     "howto/compile.md": "machine code of seven programs",
     "howto/mitsuba.md": "Mitsuba",
     "mitsuba.md": "Mitsuba",
+    "surface_lobes.md": "a distillation",
     "tutorials/gbuffer_fit.md": "two fits",
     "tutorials/onnx.md": "two exports",
     "tutorials/own_scan.md": "a simulation",
 }
 """Pages that take more than a second or two, and what with."""
+
+
+def scan() -> None:
+    """The file of lobes that a command of the page makes, in a thousandth of its time."""
+    surface = Heightfield.gaussian(0.4, size=128, seed=1, texels_per_correlation=16)
+    np.save("scan.npy", surface.heights)
+    units = ["--spacing", str(surface.spacing[0]), "--height-scale", "1", "--periodic"]
+    effort = ["--paths", "2e4", "--steps", "2", "--held-out", "2e3"]
+    assert main(["distil", "--surface", "scan.npy", *units, *effort, "--out", "scan.npz"]) == 0
+
+
+BEFORE = {"surface_lobes.md": scan}
+"""What stands for commands of a page that would take too long."""
 
 
 def blocks(text: str, *languages: str) -> list[str]:
@@ -67,6 +83,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def run_python(page: str) -> dict[str, Any]:
     """The names that the Python of a page leaves; what sets a variant of Mitsuba runs in a process of its own."""
+    BEFORE.get(page, lambda: None)()
     names: dict[str, Any] = {"__name__": "page"}
     codes = blocks(PAGES[page], "python")
     if any("import mitsuba as mi" in code for code in codes):
