@@ -8,6 +8,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.lines import Line2D
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "accuracy.png"
 # Okabe-Ito colours; the marker says the same as the colour.
@@ -54,7 +55,7 @@ def draw(content: dict[str, Any], path: Path = IMAGE) -> None:
     left.set_ylim(len(cases) - 0.5, -0.5)
     left.set_xlabel("error of the lobe, RMS over RMS; gray: noise of the exact one")
     left.grid(axis="x", alpha=0.3)
-    handles = [plt.Line2D([], [], marker=m, color=c, linestyle="", label=name) for name, (m, c) in MARKS.items()]
+    handles = [Line2D([], [], marker=m, color=c, linestyle="", label=name) for name, (m, c) in MARKS.items()]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(MARKS), frameon=False)
     _gold(right, content)
     figure.savefig(path, dpi=100, pil_kwargs={"optimize": True})

@@ -210,10 +210,10 @@ def computed(options: Options) -> dict[str, Any]:
     content: dict[str, Any] = {"birth": birth_certificate(), "command": f"{command} --seed {options.seed}"}
     content["metals"] = [metal_row(metal, alpha, options) for metal, alpha in metals]
     content["lobes"] = []
-    for case in cases:
+    for material, kind, alpha in cases:
         for theta in thetas:
-            content["lobes"].append(lobe_row(*case, theta, options))
-        print(*case, {k: f"{v:.4f}" for k, v in content["lobes"][-1]["error"].items()}, flush=True)
+            content["lobes"].append(lobe_row(material, kind, alpha, theta, options))
+        print(material, kind, alpha, {k: f"{v:.4f}" for k, v in content["lobes"][-1]["error"].items()}, flush=True)
     return content
 
 

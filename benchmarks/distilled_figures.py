@@ -13,6 +13,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import torch
+from matplotlib.ticker import MaxNLocator
 from torch import Tensor
 
 import torchms as ms
@@ -74,7 +75,7 @@ def draw_lobes(path: Path) -> None:
         axis.set_thetalim(-math.pi / 2, math.pi / 2)
         axis.set_title(f"{kind}, α = {', '.join(f'{a:g}' for a in alpha)}, θ = {theta:g} rad", fontsize=10, y=0.9)
         axis.tick_params(labelsize=7)
-        axis.yaxis.set_major_locator(plt.MaxNLocator(3))
+        axis.yaxis.set_major_locator(MaxNLocator(3))
     figure.legend(
         *axes[0].get_legend_handles_labels(), fontsize=9, loc="lower center", ncols=len(MODELS), frameon=False
     )

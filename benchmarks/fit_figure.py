@@ -47,11 +47,11 @@ def _maps(axes: Any, s: dict[str, Any], truth: Tensor) -> None:
     for axis, alpha, title in zip(axes, alphas, titles, strict=True):
         seen = torch.where(s["seen"], alpha, torch.nan)
         low, high = float(truth.min()), float(truth.max())
-        drawn = axis.imshow(seen.numpy(), cmap="viridis", vmin=low, vmax=high, interpolation="nearest")
+        axis.imshow(seen.numpy(), cmap="viridis", vmin=low, vmax=high, interpolation="nearest")
         error = float(((alpha - truth) / truth)[s["seen"]].abs().mean())
         axis.set_title(title if alpha is truth else f"{title}\nmean error {100 * error:.1f} %")
         axis.set(xticks=[], yticks=[])
-    axes[0].figure.colorbar(drawn, ax=list(axes), location="bottom", fraction=0.06, aspect=40)
+    axes[0].figure.colorbar(axes[0].images[0], ax=list(axes), location="bottom", fraction=0.06, aspect=40)
 
 
 def _losses(axis: Any, s: dict[str, Any]) -> None:

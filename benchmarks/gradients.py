@@ -52,7 +52,7 @@ def cases(K: int) -> dict[str, tuple[Callable[[Any, ms.Scattering], ms.BSDF], di
 
 def directions() -> tuple[Tensor, Tensor]:
     wi, wo = torch.tensor(PAIRS, dtype=torch.float64).unbind(1)
-    return tuple(torch.nn.functional.normalize(w, dim=-1)[:, None] for w in (wi, wo))
+    return torch.nn.functional.normalize(wi, dim=-1)[:, None], torch.nn.functional.normalize(wo, dim=-1)[:, None]
 
 
 def quantity(name: str, surface: ms.BSDF, u: Tensor) -> Tensor:

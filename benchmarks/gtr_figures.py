@@ -13,6 +13,8 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import torch
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from record import save
 from torch import Tensor
 
@@ -67,12 +69,13 @@ def height_fields() -> None:
     """Section 4 of the source: G1 for γ = 0 … 4 over μ and α; section 6: |G1⁴ − G1¹⁰|."""
     figure, axes = plt.subplots(2, 3, figsize=(9, 5.4), layout="constrained")
     mu, alpha = torch.linspace(0.01, 5, 100, dtype=F64)[:, None], torch.linspace(0.1, 0.5, 60, dtype=F64)
+    shades = Normalize(0, 1)
     for k, axis in enumerate(axes.flat[:5]):
         values = CLOSED_FORMS[k](mu, alpha).expand(100, 60)
-        mesh = axis.pcolormesh(alpha, mu[:, 0], values, vmin=0, vmax=1, cmap="viridis", rasterized=True)
+        axis.pcolormesh(alpha, mu[:, 0], values, norm=shades, cmap="viridis", rasterized=True)
         axis.contour(alpha, mu[:, 0], values, levels=[0.8, 0.9, 0.95, 0.99, 0.999], colors="white", linewidths=0.7)
         axis.set(title=f"$G_1^{k}$", xlabel="α", ylabel="μ")
-    figure.colorbar(mesh, ax=axes[0, 2])
+    figure.colorbar(ScalarMappable(shades, "viridis"), ax=axes[0, 2])
     mu, alpha = torch.linspace(0.01, 2, 100, dtype=F64)[:, None], torch.linspace(0.01, 1, 60, dtype=F64)
     far = (CLOSED_FORMS[4](mu, alpha) - G1(mu, alpha, torch.tensor(10.0, dtype=F64))).abs()
     mesh = axes.flat[5].pcolormesh(alpha, mu[:, 0], far, cmap="magma", rasterized=True)

@@ -5,12 +5,13 @@ python benchmarks/microsurface_figures.py [--out figures] [--rays 4e6] [--walks 
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import tyro
 
-from torchms.bsdfs.named import MATERIALS
 from torchms.cli.figures import run_figures
 from torchms.cli.options import FiguresOptions
+from torchms.cli.surface import Material
 
 ALPHAS = ((0.25, None), (0.5, None), (1.0, None), (1.0, 0.1))
 
@@ -34,7 +35,7 @@ class Options:
 
 
 def main(options: Options) -> None:
-    for material in MATERIALS:
+    for material in get_args(Material):
         for alpha, alpha_y in ALPHAS:
             figure = FiguresOptions(
                 material=material,

@@ -6,6 +6,7 @@ Pilot: Beckmann, F = 1, 1024² texels, 16 per correlation length, 24 surfaces, 3
 the rays for which the two tracers name different facets (a miss counts as one), from above and after one bounce.
 """
 
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,7 +99,7 @@ def agreement(options: Options) -> list[dict[str, Any]]:
                 if bounces:
                     walk.cast(p)
                     material.scatter(p, grid, 1, key, False)
-                q = Paths(*(v.copy() if isinstance(v, np.ndarray) else v for v in vars(p).values()))
+                q = deepcopy(p)
                 walk.cast(p)
                 count = embree.cast(q)
                 rows.append(

@@ -9,7 +9,6 @@ are timed one after the other in one thread, as shares of its CPU time.
 
 import os
 import platform
-import statistics
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,7 +59,7 @@ class Options:
 
 def parts(grid: Grid, caster: Caster, wi: np.ndarray, n: int = 65536) -> dict[str, float]:
     """Share of a thread's CPU time that goes into each stage, over paths of up to 10 events."""
-    spent = dict.fromkeys(("launch", "trace", "scatter", "tally"), 0.0)
+    spent: dict[str, float] = {"launch": 0.0, "trace": 0.0, "scatter": 0.0, "tally": 0.0}
     found, p, key = Partial.zeros(1, 1, 10, 1, True), Paths.empty(n, 1, False), np.array([1, 2], dtype=np.uint32)
     place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
     energies = (found.reflected[0], found.transmitted[0], found.leaked[0], found.lobes[0])
@@ -96,16 +95,16 @@ def measured(surface: Heightfield, grid: Grid, tracer: Tracer, theta: float, opt
     start = time.process_time()
     found = run_shard(plan, shard, grid, caster.fork(), np.zeros(4))
     alone = time.process_time() - start
-    segments = [w["segments_per_second"] for w in wall]
+    rays, segments = (np.array([w[f"{what}_per_second"] for w in wall], dtype=float) for what in ("rays", "segments"))
     return {
         "tracer": tracer.describe()["tracer"],
         "theta": theta,
         "triangles": surface.n_triangles,
         "segments_per_ray": int(found.counts[0, 1]) / shard.rays,
         "casts_per_segment": int(found.counts[0, 2]) / int(found.counts[0, 1]),
-        "rays_per_second": statistics.median(w["rays_per_second"] for w in wall),
-        "segments_per_second": statistics.median(segments),
-        "segments_per_second_range": [min(segments), max(segments)],
+        "rays_per_second": float(np.median(rays)),
+        "segments_per_second": float(np.median(segments)),
+        "segments_per_second_range": [float(segments.min()), float(segments.max())],
         "segments_per_cpu_second": int(found.counts[0, 1]) / alone,
         "leak_rate": int(found.counts[0, 4]) / int(found.counts[0, 1]),
         "parts": parts(grid, caster.fork(), wi),

@@ -18,6 +18,7 @@ from torch import Tensor
 
 import torchms as ms
 from torchms.fresnel import Ideal
+from torchms.maths.frame import direction
 from torchms.render.paths import shading_point
 from torchms.render.shapes import Hits, Sphere
 from torchms.sampling.stream import Stream
@@ -33,10 +34,10 @@ def sphere_pixels(size: int) -> tuple[Tensor, Tensor, Tensor]:
     y, x = torch.meshgrid(-centre, centre, indexing="ij")
     flat = torch.stack([x.reshape(-1), y.reshape(-1)], -1)
     origin = torch.cat([flat, torch.full_like(flat[:, :1], 2.0)], -1)
-    direction = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64).expand_as(origin)
-    hits = Sphere().intersect(origin, direction)
+    down = torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64).expand_as(origin)
+    hits = Sphere().intersect(origin, down)
     hit = hits.found.nonzero()[:, 0]
-    vertex = shading_point(Hits(*(part[hit] for part in hits)), direction[hit], True, torch.float32)
+    vertex = shading_point(Hits(*(part[hit] for part in hits)), down[hit], True, torch.float32)
     light = direction(APART).expand(len(hit), 3)
     wo = vertex.to_local(light)
     both = (wo[:, 2] > 0.1) & (vertex.wi[:, 2] > 0.1)
@@ -141,12 +142,9 @@ def main() -> None:
     if options.quick:
         run(16, options.alpha[-1], 3, 64)
         return
-    saved = []
-    for alpha in options.alpha:
-        rows, shown = run(options.size, alpha, options.max_order, options.paths)
-        saved += rows
-    save("reciprocity", saved)
-    plot(rows, shown, FIGURE)
+    found = [run(options.size, alpha, options.max_order, options.paths) for alpha in options.alpha]
+    save("reciprocity", [row for rows, _ in found for row in rows])
+    plot(*found[-1], FIGURE)
 
 
 if __name__ == "__main__":

@@ -91,7 +91,8 @@ def traced(
     p.n = rays
     wi = np.array([math.sin(theta), 0.0, math.cos(theta)])
     place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
-    launch(0, rays, np.array([key, 1], np.uint32), wi, *grid.heights.shape, grid.launch_height, *place, rays)
+    n_x, n_y = grid.heights.shape
+    launch(0, rays, np.array([key, 1], np.uint32), wi, n_x, n_y, grid.launch_height, *place, rays)
     counts, cosine, start = np.zeros(ORDERS), np.empty(rays), np.empty((4, rays))
     for events in range(LONGEST):
         caster.cast(p)

@@ -9,6 +9,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 NAMES = ("one bounce", "two", "three", "four and more")
 COLORS = ("#1b4965", "#ca6702", "#6a994e", "#9b2226")
@@ -35,7 +36,7 @@ def gap(row: dict[str, Any]) -> np.ndarray:
     return np.array(row["energy"]) - np.array(row["smith"])
 
 
-def angles(content: dict[str, Any]) -> plt.Figure:
+def angles(content: dict[str, Any]) -> Figure:
     """Gap by order, angle and roughness."""
     alphas = sorted({row["alpha"] for row in content["angles"]})
     figure, axes = plt.subplots(1, len(alphas), figsize=(11, 3.6), sharey=True, layout="constrained")
@@ -59,7 +60,7 @@ def angles(content: dict[str, Any]) -> plt.Figure:
     return figure
 
 
-def causes(content: dict[str, Any]) -> plt.Figure:
+def causes(content: dict[str, Any]) -> Figure:
     """The gap, and what is left of it where light forgets which valley it is in."""
     rows = {(r["alpha"], r["theta"]): r for r in content["angles"]}
     free = [r for r in content["forgetful"] if r["alpha"] == 1.0]
@@ -78,7 +79,7 @@ def causes(content: dict[str, Any]) -> plt.Figure:
     return figure
 
 
-def valley(content: dict[str, Any]) -> plt.Figure:
+def valley(content: dict[str, Any]) -> Figure:
     """How far the second facet is from the first, and how steep both are along the ray."""
     edges = np.array(content["distances"])
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
@@ -104,7 +105,7 @@ def valley(content: dict[str, Any]) -> plt.Figure:
     return figure
 
 
-def surfaces(content: dict[str, Any]) -> plt.Figure:
+def surfaces(content: dict[str, Any]) -> Figure:
     """Two correlation functions, and three numbers of texels."""
     figure, axes = plt.subplots(1, 4, figsize=(11, 3.2), layout="constrained")
     kinds = [("Gaussian", [r for r in content["angles"] if r["alpha"] == 1.0], "#1b4965", "o-")]

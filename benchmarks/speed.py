@@ -149,8 +149,11 @@ def single() -> list[dict[str, Any]]:
     times = {what: timed(*calls) for what, calls in ours.items()}
     for variant in ("llvm_ad_rgb", "scalar_rgb"):
         mitsuba.set_variant(variant)
-        plugin = mitsuba.load_dict({"type": "roughconductor", "material": "Cu", "distribution": "ggx", "alpha": 0.3})
-        context, si = mitsuba.BSDFContext(), mitsuba.SurfaceInteraction3f()
+        plugin: Any = mitsuba.load_dict(
+            {"type": "roughconductor", "material": "Cu", "distribution": "ggx", "alpha": 0.3}
+        )
+        context: Any = mitsuba.BSDFContext()
+        si: Any = mitsuba.SurfaceInteraction3f()
         if variant == "scalar_rgb":
             n = 20_000
             first, second = mitsuba.Vector3f(*map(float, wi[0])), mitsuba.Vector3f(*map(float, wo[0]))

@@ -71,7 +71,7 @@ def variance_and_time(bsdf: ms.BSDF, wi: Tensor, wo: Tensor, n: int) -> tuple[Te
 
     Known: no single path makes up a tenth of it. Otherwise more of those that matter may not have occurred.
     """
-    total = square = 0
+    total = square = torch.zeros(len(wi), 1, dtype=torch.float64)
     largest = torch.zeros(len(wi), dtype=torch.float64)
     size = 4000
     blocks = max(1, n // size)

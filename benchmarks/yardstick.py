@@ -11,7 +11,7 @@ import numpy as np
 from numba import config, njit, prange
 
 # Numba's OpenMP layer sets the number of threads of the whole process, torch's too.
-config.THREADING_LAYER = "workqueue"
+config.THREADING_LAYER = "workqueue"  # pyright: ignore[reportAttributeAccessIssue]: made at run time
 
 GGX, BECKMANN = 0, 1
 _INVERSE = 1 / 4294967296

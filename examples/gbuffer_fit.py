@@ -59,16 +59,19 @@ def fit(target: Tensor, g: GBuffer, bounces: str, steps: int) -> tuple[Maps, lis
         inside = torch.sigmoid(raw)
         return Maps(inside[..., :3], inside[..., 3], 0.1 + 0.9 * inside[..., 4])
 
+    def errors() -> Tensor:
+        error = (pictures(maps(), g, bounces) - target[:, None]) / (target[:, None] + 0.05)
+        return (error * error).mean((0, -1))
+
     for _ in range(steps):
         adam.zero_grad()
-        error = (pictures(maps(), g, bounces) - target[:, None]) / (target[:, None] + 0.05)
-        each = (error * error).mean((0, -1))
-        loss = each.mean()
-        loss.backward()
+        each = errors()
+        each.mean().backward()
         adam.step()
         decay.step()
         losses.append(float(each.detach().amin(0).mean()))
     with torch.no_grad():
+        each = errors()
         first = each[0] < each[1]
         kept = (torch.where(first if x.ndim == 3 else first[..., None], x[0], x[1]) for x in maps())
         return Maps(*kept), losses

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from matplotlib import cbook
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 
 import torchms as ms
 from torchms.fresnel import Ideal
@@ -32,7 +33,7 @@ ORDERS = 4
 
 def ground() -> tuple[np.ndarray, tuple[float, float]]:
     """Heights [m] of the Jacksboro fault, Tennessee, x to the east, and the distance between them [m]."""
-    with cbook.get_sample_data("jacksboro_fault_dem.npz") as found:
+    with np.load(str(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False))) as found:
         north = DEGREE * float(found["dy"])
         east = DEGREE * float(found["dx"]) * math.cos(math.radians(float(found["ymin"] + found["ymax"]) / 2))
         return found["elevation"].astype(np.float64)[::-1].T, (east, north)
@@ -55,7 +56,7 @@ def energies(surface: Heightfield, models: dict[str, ms.BSDF], theta: float, n: 
     return found | {name: measure(model, wi, n_paths=n, seed=2) for name, model in models.items()}
 
 
-def draw_slopes(axes: plt.Axes, surface: Heightfield, tabulated: ms.Tabulated) -> None:
+def draw_slopes(axes: Axes, surface: Heightfield, tabulated: ms.Tabulated) -> None:
     """Along x, the densities of the slopes: counted, of the mixture, and of a Gaussian of the same variance."""
     slopes = facet_slopes(surface.heights, surface.spacing, periodic=True)[:, 0]
     rms = slopes.std()
@@ -70,7 +71,7 @@ def draw_slopes(axes: plt.Axes, surface: Heightfield, tabulated: ms.Tabulated) -
     axes.legend(loc="lower right")
 
 
-def draw_energies(axes: plt.Axes, found: dict[str, Tally], theta: float) -> None:
+def draw_energies(axes: Axes, found: dict[str, Tally], theta: float) -> None:
     """By order: how far each model is from the rays."""
     k = np.arange(1, ORDERS + 1)
     rays = found["rays"].reflected[:ORDERS, 0].numpy()
@@ -87,7 +88,7 @@ def draw_energies(axes: plt.Axes, found: dict[str, Tally], theta: float) -> None
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--file", type=Path, help="a height map that says its units; the ground if none is given")
     parser.add_argument("--steeper", type=float, default=3.4, help="factor of the heights")
     parser.add_argument("--rays", type=float, default=4e5, help="light paths at each angle")

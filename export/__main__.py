@@ -11,9 +11,11 @@ import time
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import tyro
+
+from torchms.cli.surface import Scattering
 
 FlagOnly = tyro.conf.FlagCreatePairsOff
 
@@ -28,7 +30,7 @@ class Options:
     """Materials of the set."""
     distributions: tuple[Literal["ggx", "beckmann"], ...] = ("ggx", "beckmann")
     """Distributions of the set."""
-    scatterings: tuple[str, ...] = ()
+    scatterings: tuple[Scattering, ...] = ()
     """Scatterings of the set; all if none is named."""
     what: tuple[Literal["forward", "orders", "sample", "pdf"], ...] = ("forward", "orders", "sample", "pdf")
     """What is evaluated. sample and pdf do not depend on the scattering: they are written once a material."""
@@ -54,7 +56,6 @@ PARAMETERS = {
 
 def entries(options: Options):
     """Write and compare file after file."""
-    from torchms.bsdfs.named import SCATTERINGS
     from torchms.cli.export import build
     from torchms.cli.options import ExportOptions
     from torchms.onnx.exporter import checked, exported
@@ -62,14 +63,13 @@ def entries(options: Options):
     from torchms.onnx.parity.table import Entry
     from torchms.storage.write import write_whole
 
-    for name in options.scatterings:
-        if name not in SCATTERINGS:
-            raise ValueError(f"--scatterings must be among {', '.join(SCATTERINGS)}; got {name!r}.")
     for distribution in options.distributions:
         for material in options.materials:
             shared = [w for w in options.what if w in ("sample", "pdf")]
-            jobs = [("single-bounce", w, f"{material}-{distribution}-{w}") for w in shared]
-            for scattering in options.scatterings or SCATTERINGS:
+            jobs: list[tuple[Scattering, str, str]] = [
+                ("single-bounce", w, f"{material}-{distribution}-{w}") for w in shared
+            ]
+            for scattering in options.scatterings or get_args(Scattering):
                 for what in options.what:
                     if what not in shared:
                         jobs.append((scattering, what, f"{material}-{distribution}-{scattering}-{what}"))

@@ -144,7 +144,7 @@ def layers(
     through, diffuse = [], []
     for alpha, samples, first, factors in zip(alphas, found, one, n, strict=True):
         energies = order_energies(samples, factors, first, levels)
-        white = sum(e[:, 0] for e in order_energies(samples, factors, first, torch.ones(1)))
+        white = torch.stack([e[:, 0] for e in order_energies(samples, factors, first, torch.ones(1))]).sum(0)
         through.append(((white[:, None] - sum(energies[1:], energies[0])) / (1 - levels)).T)
         diffuse.append((samples.diffuse[..., None] * samples.basis).mean(1))
         for column, e in zip(orders, energies, strict=True):
