@@ -6,13 +6,25 @@ from typing import get_args
 import pytest
 import tyro
 
-from torchms import GGX, GTR, Beckmann, HeightWalk, RoughConductor, RoughDielectric, RoughDiffuse, SingleBounce
+from torchms import (
+    GGX,
+    GTR,
+    Beckmann,
+    Distilled,
+    HeightWalk,
+    RoughConductor,
+    RoughDielectric,
+    RoughDiffuse,
+    SingleBounce,
+    Unidirectional,
+)
 from torchms.bsdfs.named import DISTRIBUTIONS, MATERIALS, SCATTERINGS, material_of, with_scattering
 from torchms.cli import surface
 from torchms.cli.arguments import parse_alpha, parse_count
 from torchms.cli.commands import COMMANDS
 from torchms.cli.description import described
-from torchms.cli.options import EnergyOptions, SimulateOptions
+from torchms.cli.export import build
+from torchms.cli.options import EnergyOptions, ExportOptions, SimulateOptions
 from torchms.cli.simulate import parts_of
 from torchms.cli.surface import SurfaceOptions
 from torchms.microsurface import GaussianSurfaces, Heightfield, facets_of, surfaces_of
@@ -65,6 +77,25 @@ def test_short_options() -> None:
 def test_what_does_not_fit(change: dict, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         described(SurfaceOptions(**change))
+
+
+@pytest.mark.parametrize(
+    ("change", "kind"),
+    [
+        ({}, Distilled),
+        ({"distribution": "beckmann", "metal": "Au"}, Distilled),
+        ({"max_order": 3}, Unidirectional),
+        ({"alpha": 1.5}, Unidirectional),
+        ({"distribution": "gtr"}, Unidirectional),
+        ({"material": "dielectric"}, HeightWalk),
+        ({"scattering": "distilled", "material": "dielectric"}, Distilled),
+        ({"bsdf": COPPER}, SingleBounce),
+    ],
+    ids=str,
+)
+def test_the_model_that_nobody_named(change: dict, kind: type) -> None:
+    """What is learned, where it applies; not where bounces are counted."""
+    assert type(build(ExportOptions("a.onnx", **change)).scattering) is kind
 
 
 def test_counts() -> None:

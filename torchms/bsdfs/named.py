@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from torchms.approximations import KullaConty, Turquin
+from torchms.approximations import Distilled, KullaConty, Turquin
 from torchms.bsdfs.base import BSDF
 from torchms.bsdfs.rough_conductor import RoughConductor
 from torchms.bsdfs.rough_dielectric import RoughDielectric
@@ -28,6 +28,7 @@ SCATTERINGS: dict[str, Callable[[int], Scattering]] = {
     "bidirectional-invariance": lambda K: Bidirectional(Invariance(), K),
     "kulla-conty": lambda K: KullaConty(),
     "turquin": lambda K: Turquin(),
+    "distilled": lambda K: Distilled(),
 }
 """What stands in the scattering slot, for so many bounces."""
 

@@ -15,7 +15,7 @@ from torchms.extras import require
 from torchms.storage.write import check_writable
 
 PICTURES = (".exr", ".png")
-ONE_BOUNCE = ("single-bounce", "kulla-conty", "turquin")
+ONE_BOUNCE = ("single-bounce", "kulla-conty", "turquin", "distilled")
 """Models that have no number of bounces to choose."""
 
 

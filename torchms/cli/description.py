@@ -4,10 +4,11 @@ from dataclasses import fields
 
 import torch
 
+from torchms.approximations import Distilled
 from torchms.bsdfs import BSDF
 from torchms.bsdfs.named import DISTRIBUTIONS, SCATTERINGS, maker_of, with_scattering
 from torchms.cli.arguments import parse_alpha
-from torchms.cli.beforehand import check_surface
+from torchms.cli.beforehand import check_surface, is_given
 from torchms.cli.expression import parse_bsdf
 from torchms.cli.options import ExportOptions, RenderOptions
 from torchms.cli.surface import SurfaceOptions
@@ -40,15 +41,18 @@ def exactly_described(options: SurfaceOptions, scattering: Scattering | None = N
         torch.set_default_dtype(before)
 
 
-def scattering_of(options: RenderOptions | ExportOptions, glass: str, opaque: str) -> Scattering | None:
-    """The model of --scattering, of --max-order bounces, or the usual one of the material; None: that of --bsdf."""
-    if options.bsdf is None:
-        return SCATTERINGS[options.scattering or (glass if options.material == "dielectric" else opaque)](
-            options.max_order
-        )
+def modelled(options: RenderOptions | ExportOptions, glass: str, opaque: str) -> BSDF:
+    """The surface with the model of --scattering, of --max-order bounces. If none is named: with that of --bsdf, with the
+    learned one of a BSDF without a scattering where it has one and nobody counts bounces, or else with `glass` or `opaque`.
+    """
     if options.scattering is not None:
-        return SCATTERINGS[options.scattering](options.max_order)
-    return None
+        return described(options, SCATTERINGS[options.scattering](options.max_order))
+    if options.bsdf is not None:
+        return described(options)
+    usual = described(options)
+    if isinstance(usual.scattering, Distilled) and not is_given(options, "max_order"):
+        return usual
+    return described(options, SCATTERINGS[glass if usual.vertex.transmits else opaque](options.max_order))
 
 
 def _by_name(options: SurfaceOptions, scattering: Scattering | None) -> BSDF:

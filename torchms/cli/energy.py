@@ -15,7 +15,7 @@ from torchms.lobes.tally import Tally
 from torchms.maths.frame import direction
 from torchms.storage.write import check_writable, write_json
 
-PARTIAL = ("invariance", "kulla-conty", "turquin")
+PARTIAL = ("invariance", "kulla-conty", "turquin", "distilled")
 """Models that do not hold for every material: among others they are left out, alone they are refused."""
 
 

@@ -6,7 +6,7 @@ import torch
 
 from torchms.bsdfs import BSDF
 from torchms.cli.arguments import parse_count
-from torchms.cli.description import described, scattering_of
+from torchms.cli.description import modelled
 from torchms.cli.options import ExportOptions
 from torchms.onnx.evaluator import runtime
 from torchms.onnx.exporter import checked, exported
@@ -17,7 +17,7 @@ from torchms.storage.write import check_writable, write_json, write_whole
 
 def build(options: ExportOptions) -> BSDF:
     """The BSDF that the options describe."""
-    bsdf = described(options, scattering_of(options, glass="height-walk", opaque="invariance"))
+    bsdf = modelled(options, glass="height-walk", opaque="invariance")
     return bsdf.to(torch.float64) if options.double else bsdf
 
 

@@ -136,7 +136,8 @@ class RenderOptions(SurfaceOptions):
     roughness: float | None = None
     """With --base-color: glTF's roughness, the root of alpha, in [0, 1]; 0.5 if it is not given."""
     scattering: Scattering | None = None
-    """Model of the bounces; bidirectional-invariance if it is not given, height-walk for a dielectric, or that of --bsdf."""
+    """Model of the bounces. Not given: that of --bsdf, or distilled where it is the surface's default and --max-order is not
+    given; elsewhere bidirectional-invariance, height-walk for a dielectric."""
     max_order: int = 8
     """Bounces to count."""
     light: str = "directional"
@@ -187,7 +188,8 @@ class ExportOptions(SurfaceOptions):
     path: tyro.conf.Positional[str]
     """The file to write."""
     scattering: Scattering | None = None
-    """Model of the bounces; invariance if it is not given, height-walk for a dielectric, or that of --bsdf."""
+    """Model of the bounces. Not given: that of --bsdf, or distilled where it is the surface's default and --max-order is not
+    given; elsewhere invariance, height-walk for a dielectric."""
     max_order: int = 4
     """Bounces to count. Writing a file takes about 5 s a bounce, for bidirectional with the square of it."""
     what: Literal["forward", "orders", "sample", "pdf"] = "forward"

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from torchms.bsdfs import BSDF, MetallicRoughness
 from torchms.cli.beforehand import is_given
-from torchms.cli.description import SHORT, described, scattering_of
+from torchms.cli.description import SHORT, modelled
 from torchms.cli.expression import parse_bsdf
 from torchms.cli.options import RenderOptions
 from torchms.render.film import render
@@ -45,7 +45,7 @@ def build_bsdf(options: RenderOptions) -> BSDF:
         raise ValueError(f"{' and '.join(f'--{name}' for name in own)} goes with --base-color.")
     if options.bsdf is None and not any(is_given(options, name) for name in (*SHORT, "scattering", "max_order")):
         return parse_bsdf(GOLD)
-    return described(options, scattering_of(options, glass="height-walk", opaque="bidirectional-invariance"))
+    return modelled(options, glass="height-walk", opaque="bidirectional-invariance")
 
 
 def run_render(options: RenderOptions) -> None:

@@ -16,6 +16,7 @@ Scattering = Literal[
     "bidirectional-invariance",
     "kulla-conty",
     "turquin",
+    "distilled",
 ]
 """The names of `torchms.bsdfs.named`, written once more for the parser; a test compares them."""
 
