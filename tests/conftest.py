@@ -8,6 +8,7 @@ from typing import Any
 import jaxtyping
 import pytest
 import torch
+from cases import SCATTERINGS
 
 from torchms.testing import combined, sidak
 
@@ -26,14 +27,25 @@ LEVEL = sidak(FAMILY_LEVEL, STATISTICAL_TESTS)
 torch.set_num_threads(1)
 
 
+def is_costly(item: pytest.Item) -> bool:
+    """What costs most together; each part has its quick cases with something cheaper.
+
+    In the laws all scatterings of GGX are quick, and of Beckmann those that walk no path.
+    """
+    if item.path.name == "test_blocks.py":
+        return "bidirectional" in item.name and "bidirectional-invariance" not in item.name
+    if "beckmann" not in item.name or "laws" not in item.path.parts:
+        return item.path.name == "test_reference_lobes.py" and "beckmann" in item.name
+    named = getattr(item, "callspec", None)
+    parameters = named.params if named else {}
+    walks = parameters.get("scattering") in SCATTERINGS and parameters["scattering"] != "single"
+    return walks or "segment" in parameters or "bidirectional" in item.nodeid
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        # What costs most together; each part has its quick cases with something cheaper.
-        if "bidirectional" in item.name and (
-            ("beckmann" in item.name and "laws" in item.path.parts)
-            or (item.path.name == "test_blocks.py" and "bidirectional-invariance" not in item.name)
-        ):
+        if is_costly(item):
             item.add_marker(pytest.mark.slow)
     statistical = sum("budget" in getattr(item, "fixturenames", ()) for item in items)
     if statistical > STATISTICAL_TESTS:

@@ -48,7 +48,8 @@ EXCUSED = {("limit", "distribution"): {*unnamed(torchms.MicrofacetDistribution)}
 SLOW = {
     ("export", "distribution"): {"gtr", "tabulated", *unnamed(torchms.MicrofacetDistribution)},
     ("gradient", "fresnel"): {*unnamed(torchms.fresnel.Fresnel)},
-    ("export", "scattering"): {name for name in SCATTERINGS if name.startswith("bidirectional")},
+    ("export", "scattering"): {n for n in SCATTERINGS if n.startswith("bidirectional")}
+    | {"uncorrelated", "turquin", *TRACED},
 }
 """Cells whose objects only a slow test may hold: an export of these takes a minute."""
 
