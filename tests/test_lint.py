@@ -11,10 +11,12 @@ CHECKS = {
     "ruff": ["ruff", "check", "."],
     "format": ["ruff", "format", "--check", "."],
     "types": ["pyright", "--pythonpath", sys.executable, "torchms"],
+    "scripts": ["pyright", "--pythonpath", sys.executable, "benchmarks", "examples", "export", "tools"],
 }
+"""The last one looks at what the library does without."""
 
 
-@pytest.mark.parametrize("name", CHECKS)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == "scripts" else []) for n in CHECKS])
 def test_clean(name):
     done = subprocess.run(
         [sys.executable, "-m", *CHECKS[name]], cwd=ROOT, capture_output=True, text=True, timeout=300, check=False
