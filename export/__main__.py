@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import tyro
 
@@ -66,9 +66,7 @@ def entries(options: Options):
     for distribution in options.distributions:
         for material in options.materials:
             shared = [w for w in options.what if w in ("sample", "pdf")]
-            jobs: list[tuple[Scattering, str, str]] = [
-                ("single-bounce", w, f"{material}-{distribution}-{w}") for w in shared
-            ]
+            jobs: list[tuple[Any, str, str]] = [("single-bounce", w, f"{material}-{distribution}-{w}") for w in shared]
             for scattering in options.scatterings or get_args(Scattering):
                 for what in options.what:
                     if what not in shared:

@@ -6,7 +6,7 @@ Each function raises ValueError, OSError or ImportError. What only the surface i
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from torchms.cli.options import EnergyOptions, ExportOptions, FiguresOptions, RenderOptions, SimulateOptions
 from torchms.cli.plain_options import DistilOptions, FitMeasuredOptions, LutOptions
@@ -14,14 +14,17 @@ from torchms.cli.surface import SurfaceOptions
 from torchms.extras import require
 from torchms.storage.write import check_writable
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 PICTURES = (".exr", ".png")
 ONE_BOUNCE = ("single-bounce", "kulla-conty", "turquin", "distilled")
 """Models that have no number of bounces to choose."""
 
 
-def is_given(options: object, name: str) -> bool:
+def is_given(options: "DataclassInstance", name: str) -> bool:
     """Whether an option differs from what its command takes if nobody names it."""
-    default = next(field.default for field in fields(options) if field.name == name)  # type: ignore[arg-type]
+    default = next(field.default for field in fields(options) if field.name == name)
     return getattr(options, name) != default
 
 
@@ -30,13 +33,13 @@ def word(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def refuse(options: object, names: Iterable[str], why: str) -> None:
+def refuse(options: "DataclassInstance", names: Iterable[str], why: str) -> None:
     """Raise ValueError if one of these options is given."""
     if given := [word(name) for name in names if is_given(options, name)]:
         raise ValueError(f"{', '.join(given)} would change nothing: {why}.")
 
 
-def check(options: object) -> None:
+def check(options: "DataclassInstance") -> None:
     """Everything that can be checked here for the command of these options."""
     if isinstance(options, SurfaceOptions):
         check_surface(options)
