@@ -26,10 +26,12 @@ from torchms import (
     Unidirectional,
 )
 from torchms.fresnel import Conductor, Dielectric
+from torchms.machine.program import Program
 
 pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
 
 from torchms.mitsuba import find_llvm, noise, register
+from torchms.mitsuba.branches import LEAST, Branch, Planner
 
 needs_llvm = pytest.mark.skipif(find_llvm() is None, reason="needs an LLVM of version 17 or later (Debian: libllvm19)")
 TOLERANCE = 1e-5
@@ -278,6 +280,30 @@ def test_nothing_lives_beside_a_plugin(variant, plugin):
         assert place(mi.load_dict({"type": "diffuse"})) == place(bsdf) + 1
     finally:
         gc.enable()
+
+
+def test_a_choice_between_long_sides_is_a_branch():
+    """Each side is computed once, on its own; what both need, and what follows, is not in it."""
+    program = Program()
+    x, y = program.add("column", "f", 0), program.add("column", "f", 1)
+    mask = program.add("lt", "b", x, y)
+    sides = []
+    for name in ("sin", "cos"):
+        value = program.add("mul", "f", x, y)
+        for _ in range(LEAST):
+            value = program.add(name, "f", value)
+        sides.append(value)
+    chosen = program.add("where", "f", mask, *sides)
+    program.results = [program.add("add", "f", chosen, x)]
+    plan = Planner(program, lambda v: program.taken(program.operations[v])).plan(branches=True)
+    (branch,) = (step for step in plan.steps if isinstance(step, Branch))
+    assert branch.mask == mask and list(branch.results) == [chosen]
+    assert [{program.operations[v].name for v in side.steps} for side in (branch.yes, branch.no)] == [{"sin"}, {"cos"}]
+    assert [len(side.steps) for side in (branch.yes, branch.no)] == [LEAST, LEAST]
+    assert [program.operations[v].name for v in plan.steps if not isinstance(v, Branch)][-1] == "add"
+    assert Planner(program, lambda v: program.taken(program.operations[v])).plan(branches=False).steps == [
+        *range(7 + 2 * LEAST - 1)
+    ]
 
 
 def test_no_mitsuba(monkeypatch):
