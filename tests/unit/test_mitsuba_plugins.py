@@ -264,6 +264,38 @@ def test_updates_and_maps(variant):
         shown.update()
 
 
+HALF = {"specular_reflectance": 0.5}
+MAPPED: dict[str, dict[str, Any]] = {
+    "metal": METAL | BENT | HALF,
+    "glass": {"type": "torchms_dielectric", "eta": 1.4} | BENT | HALF | {"specular_transmittance": 0.25},
+    "chalk": CHALK | ROUND,
+    "gltf": GLTF | {"anisotropy": 0.5, "eta": 1.4},
+}
+
+
+@needs_llvm
+@pytest.mark.slow
+@pytest.mark.parametrize("case", MAPPED)
+def test_every_parameter_may_be_a_map(variant, case, generator):
+    """Numbers and colours, and bitmaps of them beside something else, give the same."""
+    mi, np = variant("llvm_ad_rgb"), import_module("numpy")
+
+    def texture(value: Any) -> dict[str, Any]:
+        row = np.array(value["value"] if isinstance(value, dict) else [value], np.float32)
+        pixels = np.stack([0.9 * row, row])[None].repeat(2, 0)
+        return {"type": "bitmap", "data": mi.TensorXf(pixels), "raw": True, "filter_type": "nearest"}
+
+    plain = MAPPED[case]
+    mapped = {key: x if key in ("type", "distribution") else texture(x) for key, x in plain.items()}
+    wi, wo = (directions(200, case == "glass", generator) for _ in range(2))
+    si, d, context = interaction(mi, wi), mi.Vector3f(wo.mT.numpy()), mi.BSDFContext()
+    si.uv = mi.Point2f(0.75, 0.5)
+    ours, theirs = (mi.load_dict(x).eval_pdf(context, si, d) for x in (mapped, plain))
+    for a, b in zip(ours, theirs, strict=True):
+        torch.testing.assert_close(numbers(a), numbers(b), rtol=1e-5, atol=1e-6)
+    assert float(numbers(ours[0]).max()) > 0.01
+
+
 @needs_llvm
 @pytest.mark.parametrize("plugin", [GLASS, {"type": "torchms_conductor", "material": "Au"}], ids=["glass", "gold"])
 def test_nothing_lives_beside_a_plugin(variant, plugin):
