@@ -75,7 +75,7 @@ class Planner:
 
     def final(self, v: int, known: Mapping[int, bool]) -> int:
         """What `v` is, with the choices made that are known."""
-        while (mask := self._chosen_by(v)) in known:
+        while (mask := self._chosen_by(v)) is not None and mask in known:
             v = self.arguments(v)[1 if known[mask] else 2]
         return v
 
