@@ -51,7 +51,7 @@ def spheres(mi: Any, film: dict[str, Any]) -> dict[str, Any]:
     return {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 12},
-        "sensor": {"type": "perspective", "fov": 36, "to_world": view, "film": film},
+        "sensor": {"type": "perspective", "fov": 42, "to_world": view, "film": film},
         "sky": {"type": "envmap", "bitmap": mi.Bitmap(sky())},
         "gold": {"type": "sphere", "center": [-1.15, 0, 0], "bsdf": GOLD},
         "glass": {"type": "sphere", "center": [1.15, 0, 0], "bsdf": GLASS},

@@ -26,10 +26,12 @@ from torchms import (
     Unidirectional,
 )
 from torchms.fresnel import Conductor, Dielectric
+from torchms.machine.program import Program
 
 pytest.importorskip("mitsuba", reason="needs Mitsuba 3 (pip install mitsuba)")
 
 from torchms.mitsuba import find_llvm, noise, register
+from torchms.mitsuba.branches import LEAST, Branch, Planner
 
 needs_llvm = pytest.mark.skipif(find_llvm() is None, reason="needs an LLVM of version 17 or later (Debian: libllvm19)")
 TOLERANCE = 1e-5
@@ -262,6 +264,38 @@ def test_updates_and_maps(variant):
         shown.update()
 
 
+HALF = {"specular_reflectance": 0.5}
+MAPPED: dict[str, dict[str, Any]] = {
+    "metal": METAL | BENT | HALF,
+    "glass": {"type": "torchms_dielectric", "eta": 1.4} | BENT | HALF | {"specular_transmittance": 0.25},
+    "chalk": CHALK | ROUND,
+    "gltf": GLTF | {"anisotropy": 0.5, "eta": 1.4},
+}
+
+
+@needs_llvm
+@pytest.mark.slow
+@pytest.mark.parametrize("case", MAPPED)
+def test_every_parameter_may_be_a_map(variant, case, generator):
+    """Numbers and colours, and bitmaps of them beside something else, give the same."""
+    mi, np = variant("llvm_ad_rgb"), import_module("numpy")
+
+    def texture(value: Any) -> dict[str, Any]:
+        row = np.array(value["value"] if isinstance(value, dict) else [value], np.float32)
+        pixels = np.stack([0.9 * row, row])[None].repeat(2, 0)
+        return {"type": "bitmap", "data": mi.TensorXf(pixels), "raw": True, "filter_type": "nearest"}
+
+    plain = MAPPED[case]
+    mapped = {key: x if key in ("type", "distribution") else texture(x) for key, x in plain.items()}
+    wi, wo = (directions(200, case == "glass", generator) for _ in range(2))
+    si, d, context = interaction(mi, wi), mi.Vector3f(wo.mT.numpy()), mi.BSDFContext()
+    si.uv = mi.Point2f(0.75, 0.5)
+    ours, theirs = (mi.load_dict(x).eval_pdf(context, si, d) for x in (mapped, plain))
+    for a, b in zip(ours, theirs, strict=True):
+        torch.testing.assert_close(numbers(a), numbers(b), rtol=1e-5, atol=1e-6)
+    assert float(numbers(ours[0]).max()) > 0.01
+
+
 @needs_llvm
 @pytest.mark.parametrize("plugin", [GLASS, {"type": "torchms_conductor", "material": "Au"}], ids=["glass", "gold"])
 def test_nothing_lives_beside_a_plugin(variant, plugin):
@@ -278,6 +312,30 @@ def test_nothing_lives_beside_a_plugin(variant, plugin):
         assert place(mi.load_dict({"type": "diffuse"})) == place(bsdf) + 1
     finally:
         gc.enable()
+
+
+def test_a_choice_between_long_sides_is_a_branch():
+    """Each side is computed once, on its own; what both need, and what follows, is not in it."""
+    program = Program()
+    x, y = program.add("column", "f", 0), program.add("column", "f", 1)
+    mask = program.add("lt", "b", x, y)
+    sides = []
+    for name in ("sin", "cos"):
+        value = program.add("mul", "f", x, y)
+        for _ in range(LEAST):
+            value = program.add(name, "f", value)
+        sides.append(value)
+    chosen = program.add("where", "f", mask, *sides)
+    program.results = [program.add("add", "f", chosen, x)]
+    plan = Planner(program, lambda v: program.taken(program.operations[v])).plan(branches=True)
+    (branch,) = (step for step in plan.steps if isinstance(step, Branch))
+    assert branch.mask == mask and list(branch.results) == [chosen]
+    assert [{program.operations[v].name for v in side.steps} for side in (branch.yes, branch.no)] == [{"sin"}, {"cos"}]
+    assert [len(side.steps) for side in (branch.yes, branch.no)] == [LEAST, LEAST]
+    assert [program.operations[v].name for v in plan.steps if not isinstance(v, Branch)][-1] == "add"
+    assert Planner(program, lambda v: program.taken(program.operations[v])).plan(branches=False).steps == [
+        *range(7 + 2 * LEAST - 1)
+    ]
 
 
 def test_no_mitsuba(monkeypatch):

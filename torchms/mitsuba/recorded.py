@@ -89,7 +89,9 @@ class Recorded:
             if key not in self._replays:
                 with torch.set_grad_enabled(differentiable):
                     program, _ = record(lambda recorder: self._run(kernel, recorder, differentiable), differentiable)
-                self._replays[key] = Replay(program if differentiable else simplified(program, fast=False))
+                if not differentiable:
+                    program = simplified(program, fast=False)
+                self._replays[key] = Replay(program, branches=not (differentiable or self.n_numbers))
             return self._replays[key]
 
     def _run(self, kernel: Kernel, recorder: Recorder, differentiable: bool) -> list[Tensor]:

@@ -5,47 +5,74 @@ them. In scalar variants they are Python's numbers, one operation after the othe
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
 from torchms.machine.program import Number, Program
+from torchms.mitsuba.branches import Branch, Plan, Planner
 
 Value = Any
 """A number of Dr.Jit: an array, or in scalar variants one of Python's."""
 
 
 class Replay:
-    """`program` as a function of its columns, in their order, that gives its results."""
+    """`program` as a function of its columns, in their order, that gives its results; branches: with those worth it."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: Program, branches: bool = False) -> None:
         self.program = program
-        self.needed = program.needed()
-        self.fused = _fused(program, self.needed)
-        self.constants = [program.constant(v) if need else None for v, need in enumerate(self.needed)]
+        needed = program.needed()
+        self.fused = _fused(program, needed)
+        self.constants = [program.constant(v) if need else None for v, need in enumerate(needed)]
+        self.planner = Planner(program, self.arguments)
+        self.plan = self.planner.plan(branches)
+
+    def arguments(self, v: int) -> tuple[int, ...]:
+        """The values that operation v takes."""
+        return self.fused[v] if v in self.fused else self.program.taken(self.program.operations[v])
 
     def __call__(self, columns: Sequence[Value]) -> list[Value]:
         mi = import_module("mitsuba")
-        table = _functions(_is_scalar(mi))
-        values: list[Value] = [None] * len(self.needed)
-        for v, operation in enumerate(self.program.operations):
-            if not self.needed[v]:
-                continue
-            name, kind, arguments = operation
-            if v in self.fused:
-                a, b, c = self.fused[v]
-                values[v] = table["fma"](values[a], values[b], values[c])
-            elif name == "column":
-                values[v] = columns[int(arguments[0])]
-            elif name == "number":
-                values[v] = _literal(mi, self.constants[v], kind)
-            elif name == "cast":
-                values[v] = _cast(mi, values[int(arguments[0])], kind)
+        return _Run(self, columns, mi).results(self.plan, {})
+
+
+class _Run:
+    """One replay: the columns, and what operations are."""
+
+    def __init__(self, replay: Replay, columns: Sequence[Value], mi: Any) -> None:
+        self.replay, self.columns, self.mi = replay, columns, mi
+        self.table = _functions(_is_scalar(mi))
+
+    def results(self, plan: Plan, there: Mapping[int, Value]) -> list[Value]:
+        """Those of `plan`, with the values that are there."""
+        values = dict(there)
+        for step in plan.steps:
+            if isinstance(step, Branch):
+                values.update(zip(step.results, self._branch(step, values), strict=True))
             else:
-                # Products of masks are masks.
-                name = "and" if name == "mul" and kind == "b" else name
-                values[v] = table[name](*(values[int(a)] for a in arguments))
-        return [values[v] for v in self.program.results]
+                taken = (self.replay.planner.final(a, plan.known) for a in self.replay.arguments(step))
+                values[step] = self._operation(step, [values[a] for a in taken])
+        return [values[v] for v in plan.results]
+
+    def _branch(self, step: Branch, values: Mapping[int, Value]) -> Sequence[Value]:
+        def side(plan: Plan) -> Callable[[], tuple[Value, ...]]:
+            return lambda: tuple(self.results(plan, values))
+
+        # In scalar variants only one of them is called.
+        return import_module("drjit").if_stmt((), values[step.mask], side(step.yes), side(step.no))
+
+    def _operation(self, v: int, taken: list[Value]) -> Value:
+        name, kind, arguments = self.replay.program.operations[v]
+        if v in self.replay.fused:
+            return self.table["fma"](*taken)
+        if name == "column":
+            return self.columns[int(arguments[0])]
+        if name == "number":
+            return _literal(self.mi, self.replay.constants[v], kind)
+        if name == "cast":
+            return _cast(self.mi, taken[0], kind)
+        # Products of masks are masks.
+        return self.table["and" if name == "mul" and kind == "b" else name](*taken)
 
 
 def _fused(program: Program, needed: list[bool]) -> dict[int, tuple[int, int, int]]:

@@ -1,6 +1,6 @@
 """What a plugin does, without Mitsuba's class around it: its parameters, and its kernels at Mitsuba's interactions."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -82,13 +82,13 @@ class Surface:
         given = self._given(si, active, kernels)
         differentiable, given = self._attached(wi, there, given)
         transmitted = wi[2] * there[2] < 0
-        active &= self._enabled(ctx, transmitted)
+        active &= self._enabled(ctx, transmitted) & (there[2] != 0)
         value, pdf = self.mi.UnpolarizedSpectrum(0), self.mi.Float(0)
         if "value" in which:
             value = self._value(kernels, si, wi, there, given, active, differentiable)
         if "pdf" in which:
-            held = ([self.dr.detach(x) for x in values] for values in (wi, there, given))
-            pdf = self.dr.select(active, kernels.pdf(*held), self.mi.Float(0))
+            held = [[self.dr.detach(x) for x in values] for values in (wi, there, given)]
+            (pdf,) = self._where(active, lambda: (kernels.pdf(*held),), 1)
         return self._polarized(value), pdf
 
     def sample(self, ctx: Any, si: Any, sample1: Value, sample2: Any, active: Value) -> tuple[Any, Any]:
@@ -158,8 +158,14 @@ class Surface:
         numbers = noise.numbers(si, mi.Vector3f(*wo), n * self.paths, self.seed)
         total = mi.UnpolarizedSpectrum(0)
         for k in range(self.paths if n else 1):
-            value = kernels.value(wi, wo, given, numbers[k * n : (k + 1) * n], differentiable)
-            total += mi.UnpolarizedSpectrum(*value)
+            mine = numbers[k * n : (k + 1) * n]
+
+            def value(mine: Sequence[Value] = mine) -> Sequence[Value]:
+                return kernels.value(wi, wo, given, mine, differentiable)
+
+            total += mi.UnpolarizedSpectrum(
+                *(value() if differentiable else self._where(active, value, kernels.n_channels))
+            )
         total /= self.paths if n else 1
         scales = [texture.eval(si, active) for texture in self.scales.values()]
         if len(scales) == 2:
@@ -167,6 +173,10 @@ class Surface:
         elif scales:
             total *= scales[0]
         return dr.select(active, total, mi.UnpolarizedSpectrum(0))
+
+    def _where(self, active: Value, numbers: Callable[[], Sequence[Value]], count: int) -> Sequence[Value]:
+        """That many numbers where `active`, and 0 elsewhere; nothing is computed for a packet of lanes none of which is."""
+        return self.dr.if_stmt((), active, lambda: tuple(numbers()), lambda: (self.mi.Float(0),) * count)
 
     def _polarized(self, value: Any) -> Any:
         return self.mi.mueller.depolarizer(value) if self.mi.is_polarized else value
