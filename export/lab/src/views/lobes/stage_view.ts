@@ -64,6 +64,11 @@ export class StageView {
     this.work.request(state);
   }
 
+  restyle(): void {
+    this.stage.restyle();
+    this.handles.restyle();
+  }
+
   /** Draws anew what is known: another bounce, scale or theme needs no evaluation. */
   redraw(state: State): void {
     if (this.sides.length === 0) return;
