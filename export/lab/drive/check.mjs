@@ -13,7 +13,15 @@ const plan = JSON.parse(await readFile(planPath, "utf8"));
 /** Numbers with all digits, and as the table shows them, once they stand still. */
 async function numbers(page, state) {
   await page.evaluate((change) => window.lab.set(change), state);
-  await page.waitForFunction(() => window.lab.numbers() !== null, null, { timeout: 120_000 });
+  const complaint = () => document.querySelector(".notice:not([hidden]) span")?.textContent ?? "";
+  const settled = page.waitForFunction(
+    () => window.lab.numbers() !== null || document.querySelector(".notice:not([hidden])"),
+  );
+  await settled.catch((error) => {
+    throw new Error(`${error.message}: ${JSON.stringify(state)}`);
+  });
+  const said = await page.evaluate(complaint);
+  if (said) throw new Error(`${said} ${JSON.stringify(state)}`);
   return page.evaluate(() => ({
     ...window.lab.numbers(),
     shown: [...document.querySelectorAll("#numbers tbody tr")].map((row) =>
