@@ -161,8 +161,8 @@ def lattice(n: int, d: int) -> torch.Tensor:
     return torch.from_numpy(np.minimum(points.astype(np.float32), np.float32(1 - 2**-24)))
 
 
-def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Value (K, C), reflected and transmitted energy (K, C) of the state, by torchms itself."""
+def surface_of(lab_set: Any, state: dict[str, Any], model: str) -> Any:
+    """The state's surface in torchms."""
     from torchms.onnx.graph import replaced, slots
 
     surface = lab_set.surface(state["material"], state["distribution"], model)
@@ -176,7 +176,12 @@ def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor
         "albedo": [state["albedo"]] * 3,
     }
     found = {slot: torch.tensor(given[name]) for name, slot in slots(surface).items() if name in given}
-    surface = replaced(surface, {slot: v for slot, v in found.items() if slot.value is not None})
+    return replaced(surface, {slot: v for slot, v in found.items() if slot.value is not None})
+
+
+def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Value (K, C), reflected and transmitted energy (K, C) of the state, by torchms itself."""
+    surface, sampler = (surface_of(lab_set, state, name) for name in (model, "single-bounce"))
     wi, wo = (direction(math.radians(state[a]), math.radians(state[b])).float() for a, b in ANGLES)
     D = surface.n_uniforms
     exact = not surface.scattering.is_deterministic(surface.vertex)
@@ -186,10 +191,10 @@ def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor
         return (u,) if exact else ()
 
     value = surface.orders(wi[None], wo[None], *numbers(1, 1, PATHS))[0]
-    u = torch.zeros(FINE, D)
-    n = surface.proposal.n_uniforms
+    u = torch.zeros(FINE, sampler.n_uniforms)
+    n = sampler.proposal.n_uniforms
     u[:, :n] = lattice(FINE, n)
-    nodes, pdf = surface.sample(wi, u)
+    nodes, pdf = sampler.sample(wi, u)
     passes = [surface.orders(wi, nodes, *numbers(k + 1, FINE, 1)) for k in range(PATHS if exact else 1)]
     orders = torch.stack(passes).mean(0)
     share = torch.where(pdf > 0, 1 / pdf, 0.0)[:, None, None] * orders / FINE
@@ -223,7 +228,7 @@ def test_its_numbers_are_eagers(seen: dict[str, Any], built: Path, lab_set: Any)
             errors[name, walks] = max(error, errors.get((name, walks), 0.0))
         shown = [float(row[1]) for row in got["shown"][:-1]]
         weights = torch.tensor([0.2126, 0.7152, 0.0722]) if got["channels"] == 3 else torch.ones(1)
-        value = torch.tensor(got["value"]).reshape(-1, got["channels"]) @ weights
+        value = torch.tensor(got["value"], dtype=torch.float32).reshape(-1, got["channels"]) @ weights
         assert shown == pytest.approx(value.tolist(), rel=1e-5)
     print({f"{name}{', walks' if walks else ''}": f"{error:.1e}" for (name, walks), error in errors.items()})
     assert models == set(evaluators(built))
