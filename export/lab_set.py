@@ -106,7 +106,7 @@ def evaluator(material: str, distribution: str, model: str, what: str) -> Item:
         inputs = ()
     exact = model in ("invariance", "height-walk")
     random = what == "orders" and not is_smooth(material, model)
-    about = {"what": what, "material": material, "distribution": distribution, "model": model}
+    about: dict[str, Any] = {"what": what, "material": material, "distribution": distribution, "model": model}
     about |= {"exact": exact, "random": random}
     about["isotropic"] = "alpha_y" not in inputs and bool(inputs)
     if what == "orders":

