@@ -96,7 +96,7 @@ $(LAB_MODELS): $(STAMP) export/lab_set.py export/diagrams.py $(wildcard torchms/
 	rm -rf $(LAB)/public/models
 	$(BIN)/python -m export.lab_set
 
-lab: $(LAB)/node_modules/.package-lock.json $(LAB_MODELS)  ## the lobe lab, a static folder build/lab; `torchms lab` shows it (the first time about ten minutes)
+lab: $(LAB)/node_modules/.package-lock.json $(LAB_MODELS)  ## the lobe lab, a static folder build/lab; `torchms lab` shows it (the first time about 20 minutes)
 	npm run build --prefix $(LAB)
 
 lab-check: $(LAB)/node_modules/.package-lock.json  ## types, unit tests and build of the lab, without its evaluators

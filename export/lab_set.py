@@ -91,6 +91,12 @@ def is_isotropic(material: str, model: str) -> bool:
     return material == "dielectric" and model in ("kulla-conty", "turquin")
 
 
+def is_smooth(material: str, model: str) -> bool:
+    """Whether a lobe needs no random walks; facets that are rough themselves do in the first bounce, too."""
+    exact = model in ("invariance", "height-walk")
+    return not exact and not (material == "diffuse" and model == "single-bounce")
+
+
 def evaluator(material: str, distribution: str, model: str, what: str) -> Item:
     """`what` of a surface as a file."""
     name = f"{material}-{distribution}-{what if what == 'sample' else model}"
@@ -99,7 +105,9 @@ def evaluator(material: str, distribution: str, model: str, what: str) -> Item:
     if what == "sample" and material == "diffuse":
         inputs = ()
     exact = model in ("invariance", "height-walk")
-    about = {"what": what, "material": material, "distribution": distribution, "model": model, "exact": exact}
+    random = what == "orders" and not is_smooth(material, model)
+    about: dict[str, Any] = {"what": what, "material": material, "distribution": distribution, "model": model}
+    about |= {"exact": exact, "random": random}
     about["isotropic"] = "alpha_y" not in inputs and bool(inputs)
     if what == "orders":
         about["orders"] = orders_of(material, model)
@@ -107,7 +115,7 @@ def evaluator(material: str, distribution: str, model: str, what: str) -> Item:
     def make() -> bytes:
         from torchms.onnx.exporter import exported
 
-        paths = None if exact or what == "sample" else 1
+        paths = None if random or what == "sample" else 1
         return exported(surface(material, distribution, model), what=what, parameters=inputs, n_paths=paths)
 
     return Item(name, about, make)

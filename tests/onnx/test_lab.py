@@ -1,6 +1,7 @@
 """The lobe lab in a browser: it shows eager's numbers, every control works, and a bad file gets a sentence.
 
-Skipped where Node, Chromium or the lab's packages (npm ci --ignore-scripts --prefix export/lab) are missing.
+Skipped where Node, Chromium, the lab's packages (npm ci --ignore-scripts --prefix export/lab) or its evaluators
+(make lab) are missing.
 """
 
 import importlib
@@ -24,17 +25,8 @@ from torchms.maths.frame import direction
 
 ROOT = Path(__file__).parents[2]
 LAB = ROOT / "export" / "lab"
-NAMES = (
-    *("conductor-ggx-distilled", "conductor-ggx-single-bounce", "conductor-ggx-invariance", "conductor-ggx-sample"),
-    *("conductor-beckmann-kulla-conty", "conductor-beckmann-turquin", "conductor-beckmann-sample"),
-    *("conductor-gtr-invariance", "conductor-gtr-single-bounce", "conductor-gtr-sample"),
-    *("dielectric-ggx-distilled", "dielectric-ggx-single-bounce", "dielectric-ggx-sample"),
-    *("dielectric-beckmann-height-walk", "dielectric-beckmann-kulla-conty", "dielectric-beckmann-turquin"),
-    *("dielectric-beckmann-distilled", "dielectric-beckmann-sample"),
-    *("diffuse-ggx-distilled", "diffuse-ggx-sample"),
-    *("masking-ggx", "masking-beckmann", "masking-gtr", "caps", "closed-forms"),
-)
-MODELS = [name.split("-", 2) for name in NAMES if name.count("-") > 1 and not name.endswith("sample")]
+LISTING = LAB / "public" / "models" / "models.json"
+LOBES = ROOT / "torchms" / "approximations"
 KOROBOV, FINE = 1564, 8191
 PATHS = 2
 
@@ -54,8 +46,8 @@ def lab_set() -> Any:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory, lab_set: Any) -> Path:
-    """The page, with evaluators of few bounces that are written now."""
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page as it is now, with the evaluators that `make lab` wrote."""
     npm = shutil.which("npm")
     if npm is None or shutil.which("node") is None:
         pytest.skip("node is not installed")
@@ -63,25 +55,29 @@ def built(tmp_path_factory: pytest.TempPathFactory, lab_set: Any) -> Path:
         pytest.skip("there is no Chromium: apt-get install chromium, or name one in $CHROMIUM")
     if not (LAB / "node_modules" / "playwright-core").is_dir():
         pytest.skip("the lab's packages are not installed: npm ci --ignore-scripts --prefix export/lab")
+    if not LISTING.is_file():
+        pytest.skip("the lab's evaluators are not written: make lab (about 20 minutes of one core, once)")
+    written = LISTING.stat().st_mtime
+    if any(file.stat().st_mtime > written for file in LOBES.glob("distilled_*.npz")):
+        pytest.skip("the lab's evaluators are older than the lobes in the package: make lab")
     folder = tmp_path_factory.mktemp("lab") / "built"
-    subprocess.run(
-        [npm, "run", "build", "--prefix", str(LAB), "--", "--outDir", str(folder)], check=True, capture_output=True
-    )
-    shutil.rmtree(folder / "models", ignore_errors=True)
-    before, lab_set.EXACT_ORDERS = lab_set.EXACT_ORDERS, 2
-    try:
-        lab_set.write(lab_set.Options(folder / "models", NAMES))
-    finally:
-        lab_set.EXACT_ORDERS = before
+    command = [npm, "run", "build", "--prefix", str(LAB), "--", "--outDir", str(folder)]
+    subprocess.run(command, check=True, capture_output=True)
     return folder
 
 
-def states(seed: int, metals: list[str]) -> list[dict[str, Any]]:
+def evaluators(built: Path) -> list[tuple[str, str, str]]:
+    """Material, distribution and model of each lobe in the set."""
+    listed = json.loads((built / "models" / "models.json").read_text())["models"]
+    return [(e["material"], e["distribution"], e["model"]) for e in listed if e["what"] == "orders"]
+
+
+def states(seed: int, models: list[tuple[str, str, str]], metals: list[str]) -> list[dict[str, Any]]:
     """Random surfaces and directions, every model of the set among them."""
     draw = random.Random(seed)
     found = []
     for i in range(50):
-        material, distribution, model = MODELS[i % len(MODELS)]
+        material, distribution, model = models[i % len(models)]
         alpha, alpha_y = draw.uniform(0.1, 1), draw.uniform(0.1, 1)
         glass = material == "dielectric"
         angles = [draw.uniform(0, 85) if not glass or draw.random() < 0.6 else draw.uniform(95, 180) for _ in range(2)]
@@ -133,7 +129,11 @@ def seen(built: Path, lab_set: Any, tmp_path_factory: pytest.TempPathFactory) ->
     good = built / "models" / "conductor-ggx-distilled.onnx"
     refused, says = files(folder, good)
     shutil.copy(good, folder / "mine.onnx")
-    plan = {"states": states(20261127, [*lab_set.metals()]), "refused": refused, "taken": str(folder / "mine.onnx")}
+    plan = {
+        "states": states(20261127, evaluators(built), [*lab_set.metals()]),
+        "refused": refused,
+        "taken": str(folder / "mine.onnx"),
+    }
     (folder / "plan.json").write_text(json.dumps(plan))
     with server(built, 0) as running:
         threading.Thread(target=running.serve_forever, daemon=True).start()
@@ -161,8 +161,8 @@ def lattice(n: int, d: int) -> torch.Tensor:
     return torch.from_numpy(np.minimum(points.astype(np.float32), np.float32(1 - 2**-24)))
 
 
-def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Value (K, C), reflected and transmitted energy (K, C) of the state, by torchms itself."""
+def surface_of(lab_set: Any, state: dict[str, Any], model: str) -> Any:
+    """The state's surface in torchms."""
     from torchms.onnx.graph import replaced, slots
 
     surface = lab_set.surface(state["material"], state["distribution"], model)
@@ -176,7 +176,12 @@ def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor
         "albedo": [state["albedo"]] * 3,
     }
     found = {slot: torch.tensor(given[name]) for name, slot in slots(surface).items() if name in given}
-    surface = replaced(surface, {slot: v for slot, v in found.items() if slot.value is not None})
+    return replaced(surface, {slot: v for slot, v in found.items() if slot.value is not None})
+
+
+def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Value (K, C), reflected and transmitted energy (K, C) of the state, by torchms itself."""
+    surface, sampler = (surface_of(lab_set, state, name) for name in (model, "single-bounce"))
     wi, wo = (direction(math.radians(state[a]), math.radians(state[b])).float() for a, b in ANGLES)
     D = surface.n_uniforms
     exact = not surface.scattering.is_deterministic(surface.vertex)
@@ -186,10 +191,10 @@ def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor
         return (u,) if exact else ()
 
     value = surface.orders(wi[None], wo[None], *numbers(1, 1, PATHS))[0]
-    u = torch.zeros(FINE, D)
-    n = surface.proposal.n_uniforms
+    u = torch.zeros(FINE, sampler.n_uniforms)
+    n = sampler.proposal.n_uniforms
     u[:, :n] = lattice(FINE, n)
-    nodes, pdf = surface.sample(wi, u)
+    nodes, pdf = sampler.sample(wi, u)
     passes = [surface.orders(wi, nodes, *numbers(k + 1, FINE, 1)) for k in range(PATHS if exact else 1)]
     orders = torch.stack(passes).mean(0)
     share = torch.where(pdf > 0, 1 / pdf, 0.0)[:, None, None] * orders / FINE
@@ -201,13 +206,16 @@ ANGLES = (("theta", "phi"), ("outTheta", "outPhi"))
 
 
 @pytest.mark.slow
-def test_its_numbers_are_eagers(seen: dict[str, Any], lab_set: Any) -> None:
-    """Within 1e-4 on 50 random states: the value at both directions, and the energies by the same quadrature."""
+def test_its_numbers_are_eagers(seen: dict[str, Any], built: Path, lab_set: Any) -> None:
+    """Within 1e-4 on 50 random states: the value at both directions, and the energies by the same quadrature.
+
+    Energies of random walks are within 1e-3: where rounding turns some of 16382 walks, they end elsewhere.
+    """
     assert len(seen["numbers"]) == 50
-    models = set()
+    models, errors = set(), {}
     for got in seen["numbers"]:
         state, model = got["state"], got["model"]
-        models.add((state["material"], model))
+        models.add((state["material"], state["distribution"], model))
         with torch.no_grad():
             expected = eager(lab_set, state, model)
         for name, each in zip(("value", "reflected", "transmitted"), expected, strict=True):
@@ -215,12 +223,15 @@ def test_its_numbers_are_eagers(seen: dict[str, Any], lab_set: Any) -> None:
             last = len(got["labels"]) - 1
             folded = torch.cat([each[:last], each[last:].sum(0, keepdim=True)])
             error = float(((page - folded).abs() / folded.abs().clamp_min(1)).max())
-            assert error < 1e-4, (name, error, state)
+            walks = name != "value" and not lab_set.is_smooth(state["material"], model)
+            assert error < (1e-3 if walks else 1e-4), (name, error, model, state)
+            errors[name, walks] = max(error, errors.get((name, walks), 0.0))
         shown = [float(row[1]) for row in got["shown"][:-1]]
         weights = torch.tensor([0.2126, 0.7152, 0.0722]) if got["channels"] == 3 else torch.ones(1)
-        value = torch.tensor(got["value"]).reshape(-1, got["channels"]) @ weights
+        value = torch.tensor(got["value"], dtype=torch.float32).reshape(-1, got["channels"]) @ weights
         assert shown == pytest.approx(value.tolist(), rel=1e-5)
-    assert len(models) >= 10, models
+    print({f"{name}{', walks' if walks else ''}": f"{error:.1e}" for (name, walks), error in errors.items()})
+    assert models == set(evaluators(built))
 
 
 @pytest.mark.slow
@@ -260,6 +271,18 @@ def test_a_bad_file_gets_a_sentence(seen: dict[str, Any]) -> None:
         assert says in text and text.endswith((".", "orders.", "“torchms export”.")) and "Error" not in text
     assert seen["taken"]["model"] == "dropped:mine"
     assert seen["taken"]["labels"] == ["1", "2", "3", "4+"]
+
+
+@pytest.mark.slow
+def test_it_is_there_at_once(seen: dict[str, Any], record_property: Any) -> None:
+    """Within 3 s, with what it is served from this machine; a busy one says nothing about that."""
+    for name in ("loaded", "settled", "drag"):
+        record_property(name, seen[name])
+    print({name: seen[name] for name in ("loaded", "settled", "drag")})
+    assert seen["drag"]["drawn"] > 0 and seen["drag"]["updates"] > 0
+    if os.getloadavg()[0] > (os.cpu_count() or 1):
+        pytest.skip(f"the machine is busy; the page was there after {seen['loaded']} ms")
+    assert seen["loaded"] <= 3000
 
 
 @pytest.mark.slow

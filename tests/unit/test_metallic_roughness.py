@@ -15,6 +15,7 @@ import torchms
 from torchms import GGX, MetallicRoughness, RoughConductor, SingleBounce
 from torchms.approximations.layered import Whitened, fingerprint
 from torchms.approximations.layered_table import SHAPES, LayeredTable
+from torchms.approximations.single_bounce_energy import energy as quadrature
 from torchms.fresnel import Schlick
 from torchms.parameters.exchange import parameters
 from torchms.testing import law_suite
@@ -70,6 +71,20 @@ def test_smooth_surfaces_are_white_but_for_grazing_light():
     for roughness, metallic in itertools.product((0.0, 0.08, 0.12), (0.0, 1.0)):
         surface = MetallicRoughness([1.0], metallic, roughness).double()
         assert float((integrals(surface, wi) - 1).abs().max()) < 6e-3
+
+
+@each("roughness", [0.05, 0.08, 0.1, 0.15])
+def test_a_smooth_metal_is_white_at_grazing_light(roughness):
+    """N·V = 0.15 to 0.05: one bounce by quadrature, and what bounces again along the samples of a rougher metal."""
+    alpha = roughness**2
+    wi = torch.stack([direction(math.acos(c)) for c in (0.15, 0.1, 0.07, 0.05)])
+    one = quadrature(GGX, wi, *[torch.full((len(wi),), alpha, dtype=torch.float64)] * 2, 112, 32)
+    wider = MetallicRoughness([1.0], 1.0, 0.2).double()
+    drawn = wider.sample(
+        wi, wider.uniforms((), 8 * POINTS, sequence="sobol", generator=torch.Generator().manual_seed(1))
+    )
+    again = MetallicRoughness([1.0], 1.0, roughness).double().orders(wi, drawn)[..., 1:, 0].sum(-1)
+    assert float((one + (again / drawn.pdf).nan_to_num(0.0).mean(-1) - 1).abs().max()) < 3e-3
 
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])

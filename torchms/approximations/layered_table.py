@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from torchms.approximations.chebyshev import contracted, polynomials, summed
 from torchms.distributions.base import EllipticDistribution
 from torchms.maths.frame import Vec3
-from torchms.maths.numerics import horizon
+from torchms.maths.numerics import horizon, safe_sqrt
 from torchms.storage.archives import read_versioned
 
 FORMAT = 1
@@ -43,6 +43,9 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "energy": (sum(ORDERS), COSINES, SIZES + 1),
 }
 """Coefficients of each series; the last one along √α, but of n, is that of a smooth layer."""
+GRAZING, GRAZING_POWER = (-4.209, 12.566, -11.261, 6.866), 0.6208
+"""Of `smoother`: by least squares, so that layers of α from 0.0025 to 0.025 are white."""
+GRAZING_ALPHA = (0.0025, ALPHA[0])
 MOST_BYTES = 1 << 20
 REMEDY = "Write it again: python -m tools.generate_layered, in the repository."
 
@@ -130,9 +133,7 @@ class LayeredTable(nn.Module):
     def level(self, alpha: Tensor, w: Vec3) -> Tensor:
         """Kernel: ln n(w), (N, …)."""
         series = contracted(self.c_level, polynomials(size_axis(alpha), SIZES - 1))
-        # Of a smooth layer one bounce loses a share of α²: two directions have one α each.
-        smooth = torch.log((alpha / ALPHA[0]).clamp_max(1.0))
-        return summed(series, cosine_polynomials(w, COSINES)) + smooth
+        return summed(series, cosine_polynomials(w, COSINES)) + smoother(alpha, w)
 
     def layer(self, alpha: Tensor, rough: bool) -> Layer:
         """Kernel: the series of this roughness; `rough`: for a base of rough diffuse facets, not Lambert's."""
@@ -151,6 +152,22 @@ def blended(alpha: Tensor, sizes: int) -> Tensor:
     part = (alpha / ALPHA[0]).clamp_max(1.0)
     share = part * part
     return torch.cat([polynomials(size_axis(alpha), sizes - 1) * share, (1 - share).unsqueeze(0)])
+
+
+def smoother(alpha: Tensor, w: Vec3) -> Tensor:
+    """ln n(w) of a layer with α < 0.03 over that with 0.03, whose lobes both have; 0 for others.
+
+    What one bounce loses is a share of α², so of each of two directions α, but where light grazes a function of α tan θ.
+    """
+    z = w.z.clamp_min(horizon(w.z.dtype))
+    tan = safe_sqrt(1 - z * z) / z
+    grazing = _grazing(ALPHA[0] * tan) / _grazing(alpha.clamp(*GRAZING_ALPHA) * tan)
+    return torch.log((alpha / ALPHA[0]).clamp_max(1.0)) + GRAZING_POWER * torch.log(grazing)
+
+
+def _grazing(x: Tensor) -> Tensor:
+    a, b, c, d = GRAZING
+    return 1 + x * (a + x * (b + x * (c + x * d)))
 
 
 def seen_alpha(distribution: EllipticDistribution, w: Vec3) -> Tensor:

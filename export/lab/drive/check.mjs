@@ -6,6 +6,7 @@
 
 import { readFile } from "node:fs/promises";
 import { open } from "./browser.mjs";
+import { drag } from "./drag.mjs";
 
 const [url, planPath] = process.argv.slice(2);
 const plan = JSON.parse(await readFile(planPath, "utf8"));
@@ -13,7 +14,15 @@ const plan = JSON.parse(await readFile(planPath, "utf8"));
 /** Numbers with all digits, and as the table shows them, once they stand still. */
 async function numbers(page, state) {
   await page.evaluate((change) => window.lab.set(change), state);
-  await page.waitForFunction(() => window.lab.numbers() !== null, null, { timeout: 120_000 });
+  const complaint = () => document.querySelector(".notice:not([hidden]) span")?.textContent ?? "";
+  const settled = page.waitForFunction(
+    () => window.lab.numbers() !== null || document.querySelector(".notice:not([hidden])"),
+  );
+  await settled.catch((error) => {
+    throw new Error(`${error.message}: ${JSON.stringify(state)}`);
+  });
+  const said = await page.evaluate(complaint);
+  if (said) throw new Error(`${said} ${JSON.stringify(state)}`);
   return page.evaluate(() => ({
     ...window.lab.numbers(),
     shown: [...document.querySelectorAll("#numbers tbody tr")].map((row) =>
@@ -81,29 +90,6 @@ async function controls(page) {
   await page.keyboard.press("ArrowUp");
   used.arrow = (await state()).theta - theta;
   return used;
-}
-
-/** Drags the light with the mouse for a second: pictures and answers a second. */
-async function drag(page) {
-  await page.evaluate(() => window.lab.set({ theta: 50, phi: 180, view: "lobes" }));
-  await page.waitForTimeout(1500);
-  await page.locator("#set-theta").focus();
-  return page.evaluate(async () => {
-    const before = window.lab.counts();
-    let frames = 0;
-    const start = performance.now();
-    while (performance.now() - start < 3000) {
-      await new Promise((resolve) => requestAnimationFrame(resolve));
-      window.lab.set({ theta: 45 + 20 * Math.sin(frames++ / 20) });
-    }
-    const seconds = (performance.now() - start) / 1000;
-    const after = window.lab.counts();
-    return {
-      frames: frames / seconds,
-      drawn: (after.frames - before.frames) / seconds,
-      updates: (after.updates - before.updates) / seconds,
-    };
-  });
 }
 
 const { page, seen, close } = await open({ viewport: { width: 1440, height: 1000 }, acceptDownloads: true });

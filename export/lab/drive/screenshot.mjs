@@ -41,7 +41,7 @@ try {
   await page
     .waitForFunction(settled, null, { timeout: 1000 * Number(values.wait) })
     .catch(() => console.log("not settled"));
-  await page.waitForTimeout(values.hash.includes("view=energy") ? 1000 * Number(values.wait) : 2500);
+  await page.waitForTimeout(values.hash.includes("view=") ? 1000 * Number(values.wait) : 2500);
   await page.screenshot({ path: positionals[0] ?? "lab.png", fullPage: values.whole });
   console.log(seen.errors.concat(seen.foreign).join("\n") || "no errors");
 } finally {

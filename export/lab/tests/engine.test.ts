@@ -14,7 +14,7 @@ import { yTicks } from "../src/ui/line_chart";
 
 const base = { what: "orders", material: "conductor", distribution: "ggx", bytes: 1 } as const;
 const ENTRIES: Entry[] = [
-  { ...base, file: "exact.onnx", model: "invariance", exact: true, orders: ["1", "2"] },
+  { ...base, file: "exact.onnx", model: "invariance", random: true, exact: true, orders: ["1", "2"] },
   { ...base, file: "distilled.onnx", model: "distilled", exact: false, orders: ["1", "2+"] },
   { ...base, file: "kc.onnx", model: "kulla-conty", exact: false, isotropic: true, orders: ["1", "2+"] },
   { ...base, what: "sample", file: "sample.onnx" },

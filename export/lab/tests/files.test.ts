@@ -33,6 +33,10 @@ describe("a file that is dropped", () => {
     const found = examined(file(ABOUT), "my file.onnx");
     expect(found).toMatchObject({ material: "conductor", distribution: "beckmann", exact: true, isotropic: true });
     expect(found).toMatchObject({ orders: ["1", "2", "3"], model: "dropped:my-file" });
+    const orders = (model: string): unknown =>
+      examined(file({ ...ABOUT, "torchms.model": model, "torchms.orders": "4" }), "a.onnx");
+    expect(orders("Distilled( GGX )")).toMatchObject({ orders: ["1", "2", "3", "4+"] });
+    expect(orders("KullaConty( )")).toMatchObject({ orders: ["1", "2+"] });
   });
 
   it.each([

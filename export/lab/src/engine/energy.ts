@@ -33,7 +33,7 @@ export async function nodes(engine: Engine, manifest: Manifest, state: State, n:
   return { wo: wo.data, pdf: pdf.data };
 }
 
-/** Energies of one model on these nodes; an exact one takes one path a node, of `seed`. */
+/** Energies of one model on these nodes; one of random walks takes one path a node, of `seed`. */
 export async function energy(
   engine: Engine,
   manifest: Manifest,
@@ -43,7 +43,7 @@ export async function energy(
   seed: number,
 ): Promise<Energy> {
   const wi = incidence(state);
-  const random = entry.exact ? { random: { seed, paths: 1 } } : {};
+  const random = entry.random ? { random: { seed, paths: 1 } } : {};
   const found = await lobe(engine, {
     entry,
     wi: packed([wi]),

@@ -1,4 +1,4 @@
-/** Lobes of several models at the same directions: those without noise once, exact ones averaged while one looks. */
+/** Lobes of several models at the same directions: those without noise once, others averaged while one looks. */
 
 import type { State } from "../app/state";
 import type { Entry, Manifest } from "../files/manifest";
@@ -10,7 +10,7 @@ import { incidence, lobe, parameters } from "./surface";
 export interface Followed {
   /** Mean over the paths so far, by the name of the model. */
   lobes: Map<string, Orders>;
-  /** Paths of an exact model so far; all of them when it is done. */
+  /** Paths of a model of random walks so far; all of them when it is done. */
   paths: number;
   done: boolean;
 }
@@ -35,15 +35,15 @@ export async function follow(task: Task, stale: () => boolean, show: (now: Follo
   for (let pass = 1; ; pass++) {
     const more = Math.min(task.pass, state.paths - paths);
     for (const entry of entries) {
-      if (pass > 1 && !entry.exact) continue;
-      const random = entry.exact ? { random: { seed: pass, paths: more } } : {};
+      if (pass > 1 && !entry.random) continue;
+      const random = entry.random ? { random: { seed: pass, paths: more } } : {};
       const found = await lobe(engine, { entry, ...shared, ...random });
       if (stale()) return;
       const before = lobes.get(entry.model ?? "");
       lobes.set(entry.model ?? "", before ? mean(before, paths, found, more) : found);
     }
     paths += more;
-    const done = paths >= state.paths || !entries.some((entry) => entry.exact);
+    const done = paths >= state.paths || !entries.some((entry) => entry.random);
     show({ lobes, paths, done });
     if (done) return;
   }

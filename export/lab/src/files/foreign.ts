@@ -34,7 +34,6 @@ export function examined(bytes: Uint8Array, name: string): Entry | string {
   const material = Object.entries(MATERIALS).find(([key]) => described.startsWith(key))?.[1];
   const distribution = Object.entries(DISTRIBUTIONS).find(([key]) => new RegExp(`\\b${key}\\(`).test(described))?.[1];
   if (!material || !distribution) return `${name} is about a surface that this page does not know: ${described}.`;
-  const K = Number(about.get("torchms.orders") ?? 1);
   const stem = name
     .replace(/\.onnx$/i, "")
     .replace(/[^\w-]/g, "-")
@@ -46,10 +45,19 @@ export function examined(bytes: Uint8Array, name: string): Entry | string {
     material,
     distribution,
     model: `dropped:${stem}`,
+    random: inputs.includes("u"),
     exact: inputs.includes("u"),
     isotropic: inputs.includes("alpha") && !inputs.includes("alpha_y") && distribution !== "gtr",
-    orders: what === "forward" ? ["1+"] : Array.from({ length: K }, (_, k) => String(k + 1)),
+    orders: what === "forward" ? ["1+"] : counted(about, material),
   };
+}
+
+/** Bounces of each order: models that tell only the first ones apart add the others to the last. */
+function counted(about: Map<string, string>, material: Material): string[] {
+  const [model] = (about.get("torchms.model") ?? "").split("(");
+  if (model === "KullaConty" || model === "Turquin") return ["1", "2+"];
+  if (model === "Distilled") return material === "dielectric" ? ["1", "2+"] : ["1", "2", "3", "4+"];
+  return Array.from({ length: Number(about.get("torchms.orders") ?? 1) }, (_, k) => String(k + 1));
 }
 
 function inputNames(json: string | undefined): string[] {

@@ -9,6 +9,9 @@ export interface Entry {
   material?: Material;
   distribution?: Distribution;
   model?: string;
+  /** Whether its lobe is a mean over random walks: it is averaged while one looks. */
+  random?: boolean;
+  /** Whether that mean is the theory itself, all bounces one by one. */
   exact?: boolean;
   isotropic?: boolean;
   /** Bounces that each order counts. */

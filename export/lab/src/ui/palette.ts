@@ -47,6 +47,13 @@ export function themeColour(name: string): string {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim() || "#888";
 }
 
+/** Whether dark letters are the readable ones on a colour "#rrggbb" (luminance as WCAG 2 has it). */
+export function isLight(colour: string): boolean {
+  const channels = /^#(..)(..)(..)$/.exec(colour)?.slice(1) ?? [];
+  const [r = 0, g = 0, b = 0] = channels.map((hex) => (parseInt(hex, 16) / 255) ** 2.2);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.25;
+}
+
 type RGB = [number, number, number];
 
 function ramp(stops: readonly RGB[], t: number): RGB {

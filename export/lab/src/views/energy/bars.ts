@@ -4,7 +4,7 @@ import type { Energy } from "../../engine/energy";
 import type { Bounce, Channel } from "../../numbers/orders";
 import { percent } from "../../numbers/format";
 import { el } from "../../ui/dom";
-import { BOUNCE_COLOURS, BOUNCE_NAMES } from "../../ui/palette";
+import { BOUNCE_COLOURS, BOUNCE_NAMES, isLight } from "../../ui/palette";
 
 export interface Share {
   name: string;
@@ -41,6 +41,7 @@ export function bar(title: string, list: readonly Share[]): HTMLElement {
     const part = el("span", { class: kind, title: `${share.name}: ${percent(share.value)}` }, text);
     part.style.width = `${100 * width}%`;
     if (share.colour) part.style.backgroundColor = share.colour;
+    if (isLight(share.colour)) part.classList.add("light");
     return part;
   });
   const said = list.map((share) => `${share.name} ${percent(share.value)}`).join(", ");

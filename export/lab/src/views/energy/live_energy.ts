@@ -42,7 +42,7 @@ export class LiveEnergy {
         of.set(entry.model ?? "", await energy(slow, manifest, state, entry, at, 1));
       }
       if (stale()) return;
-      const exact = entries.filter((entry) => entry.exact);
+      const exact = entries.filter((entry) => entry.random);
       this.show({ of, nodes: n, passes: 1, settled: n === FINE && exact.length === 0 });
       if (n === FINE && exact.length > 0) await this.refine(state, exact, at, of, stale);
     }

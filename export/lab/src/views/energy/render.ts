@@ -40,7 +40,7 @@ export class Film {
     const question = { entry, wi: this.sphere.wi, wo, parameters: inputs };
     const found = await lobe(
       engine,
-      entry.exact ? { ...question, random: { seed: 7919 + this.passes, paths: 1 } } : question,
+      entry.random ? { ...question, random: { seed: 7919 + this.passes, paths: 1 } } : question,
     );
     if (stale()) return;
     const furnace: Light = () => FURNACE;

@@ -74,7 +74,13 @@ export class FieldsCard {
         context.drawImage(image, box.x, box.y, box.width, box.height);
         this.axes(context, box, far ? FAR : NEAR);
         const bar = { x: box.x, y: height - 30, width: Math.floor(box.width), height: 8 };
-        colourBar(context, bar, colour, ["0", "G1 [1]", short(most)], themeColour("--soft"));
+        colourBar(
+          context,
+          bar,
+          colour,
+          ["0", far ? "difference of G1 [1]" : "G1 [1]", short(most)],
+          themeColour("--soft"),
+        );
       });
       canvas.setAttribute("aria-label", `G1 of GTR, ${field.title}, over α and μ`);
     });

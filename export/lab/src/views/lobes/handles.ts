@@ -9,15 +9,18 @@ import type { Stage } from "./scene";
 const REACH = 1.25;
 
 interface Handle {
+  letter: string;
+  /** Name of its colour in the style sheet. */
+  theme: string;
   ball: THREE.Mesh<THREE.SphereGeometry, THREE.MeshBasicMaterial>;
-  line: THREE.Line;
+  line: THREE.Line<THREE.BufferGeometry, THREE.LineBasicMaterial>;
   name: THREE.Sprite;
   moved: (d: Vec3) => void;
 }
 
 export class Handles {
   private readonly handles: Handle[];
-  private readonly mirror: THREE.Line;
+  private readonly mirror: THREE.Line<THREE.BufferGeometry, THREE.LineDashedMaterial>;
   private held: Handle | null = null;
   private readonly ray = new THREE.Raycaster();
 
@@ -26,10 +29,7 @@ export class Handles {
     onWi: (d: Vec3) => void,
     onWo: (d: Vec3) => void,
   ) {
-    this.handles = [
-      this.handle("i", themeColour("--light"), 0.055, onWi),
-      this.handle("o", themeColour("--exit"), 0.042, onWo),
-    ];
+    this.handles = [this.handle("i", "--light", 0.055, onWi), this.handle("o", "--exit", 0.042, onWo)];
     const dashes = new THREE.LineDashedMaterial({ color: themeColour("--light"), dashSize: 0.04, gapSize: 0.04 });
     this.mirror = new THREE.Line(new THREE.BufferGeometry(), dashes);
     stage.scene.add(this.mirror);
@@ -39,15 +39,31 @@ export class Handles {
     for (const end of ["pointerup", "pointercancel"] as const) canvas.addEventListener(end, () => this.release());
   }
 
-  private handle(name: string, colour: string, radius: number, moved: (d: Vec3) => void): Handle {
+  private handle(letter: string, theme: string, radius: number, moved: (d: Vec3) => void): Handle {
+    const colour = themeColour(theme);
     const ball = new THREE.Mesh(
       new THREE.SphereGeometry(radius, 32, 24),
       new THREE.MeshBasicMaterial({ color: colour }),
     );
     const line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: colour }));
-    const sprite = label(name, [0, 0, 0], colour);
-    this.stage.scene.add(ball, line, sprite);
-    return { ball, line, name: sprite, moved };
+    const name = label(letter, [0, 0, 0], colour);
+    this.stage.scene.add(ball, line, name);
+    return { letter, theme, ball, line, name, moved };
+  }
+
+  /** Takes the colours of the theme. */
+  restyle(): void {
+    this.mirror.material.color.set(themeColour("--light"));
+    for (const handle of this.handles) {
+      const colour = themeColour(handle.theme);
+      handle.ball.material.color.set(colour);
+      handle.line.material.color.set(colour);
+      const { x, y, z } = handle.name.position;
+      this.stage.scene.remove(handle.name);
+      handle.name = label(handle.letter, [x, y, z], colour);
+      this.stage.scene.add(handle.name);
+    }
+    this.stage.draw();
   }
 
   /** Puts both where the state has them. */

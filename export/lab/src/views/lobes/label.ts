@@ -13,11 +13,10 @@ export function label(text: string, at: readonly [number, number, number], colou
     context.textBaseline = "middle";
     context.fillText(text, 32, 34);
   }
-  const material = new THREE.SpriteMaterial({
-    map: new THREE.CanvasTexture(canvas),
-    transparent: true,
-    depthTest: false,
-  });
+  const map = new THREE.CanvasTexture(canvas);
+  // Else its colours are taken for linear ones, and come out pale.
+  map.colorSpace = THREE.SRGBColorSpace;
+  const material = new THREE.SpriteMaterial({ map, transparent: true, depthTest: false });
   const sprite = new THREE.Sprite(material);
   sprite.position.set(...at);
   sprite.scale.setScalar(0.16);

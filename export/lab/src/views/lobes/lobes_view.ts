@@ -37,7 +37,7 @@ export class LobesView implements View {
   }
 
   restyle(): void {
-    this.stage.stage.restyle();
+    this.stage.restyle();
     this.redraw(this.context.store.state);
   }
 

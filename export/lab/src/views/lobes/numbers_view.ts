@@ -65,16 +65,16 @@ export class NumbersView {
   }
 
   redraw(state: State): void {
-    const model = mainModel(this.context.manifest, state)?.model ?? "";
+    const entry = mainModel(this.context.manifest, state);
+    const model = entry?.model ?? "";
     const value = this.followed?.lobes.get(model);
     const energy = this.energies?.of.get(model);
-    const averaged = this.followed && this.followed.paths > 1 && !modelStyle(model).name.startsWith("Dist");
     const channel =
       state.material === "dielectric" ? "" : `, channel ${state.channel === "Y" ? "luminance" : state.channel}`;
     this.card.note.textContent =
       `${modelStyle(model).name}, i (${state.theta.toFixed(1)}°, ${state.phi.toFixed(1)}°), ` +
       `o (${state.outTheta.toFixed(1)}°, ${state.outPhi.toFixed(1)}°)${channel}` +
-      (averaged && value && isExact(model) ? `, mean of ${this.followed?.paths} paths` : "");
+      (entry?.random && value ? `, mean of ${this.followed?.paths} paths` : "");
     if (value) this.tableBody.replaceChildren(...this.rows(value, energy ?? null, state));
     this.bars.replaceChildren(...this.allBars(state));
   }
@@ -113,8 +113,4 @@ export class NumbersView {
     }
     return { name: "energies", head: ["model", "bounces", "reflected [1]", "transmitted [1]"], rows };
   }
-}
-
-function isExact(model: string): boolean {
-  return model === "invariance" || model === "height-walk";
 }

@@ -64,6 +64,11 @@ export class StageView {
     this.work.request(state);
   }
 
+  restyle(): void {
+    this.stage.restyle();
+    this.handles.restyle();
+  }
+
   /** Draws anew what is known: another bounce, scale or theme needs no evaluation. */
   redraw(state: State): void {
     if (this.sides.length === 0) return;
@@ -89,7 +94,7 @@ export class StageView {
     if (state.material === "dielectric") await this.trace(entry, { ...state, paths: 4 }, stale);
     if (stale()) return;
     const found = this.below && sought && dot(this.below, sought) > 0.999;
-    if (state.material !== "dielectric" || entry.exact || !found) await this.trace(entry, state, stale);
+    if (state.material !== "dielectric" || entry.random || !found) await this.trace(entry, state, stale);
   }
 
   private async trace(entry: Entry, state: State, stale: () => boolean): Promise<void> {
@@ -107,7 +112,7 @@ export class StageView {
         return side;
       });
       this.below = highest(this.sides[1]);
-      this.status = modelStyle(entry.model ?? "").name + (entry.exact ? `, mean of ${now.paths} paths` : "");
+      this.status = modelStyle(entry.model ?? "").name + (entry.random ? `, mean of ${now.paths} paths` : "");
       this.updates++;
       this.redraw(this.context.store.state);
     });
