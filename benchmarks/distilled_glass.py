@@ -58,7 +58,7 @@ def main(options: Options) -> None:
     print("|---|---|---|---|---|---|")
     for name, some in rows(table):
         up, down, off = table.up, table.down, table.energy[some]
-        columns = [f"{float(x[some].median()):.4f}, {float(x[some].max()):.3f}" for x in (*up, *down)]
+        columns = [f"{float(x[some].nanmedian()):.4f}, {float(x[some].nan_to_num(0).max()):.3f}" for x in (*up, *down)]
         print(
             f"| {name} | {' | '.join(columns)} | {float(off.square().mean().sqrt()):.4f}, {float(off.abs().max()):.3f} |"
         )
