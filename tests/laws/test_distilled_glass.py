@@ -4,7 +4,7 @@ import math
 
 import pytest
 import torch
-from cases import DISTILLATES, ELLIPTIC, TOLERANCES, bsdf, directions, each
+from cases import DISTILLATES, ELLIPTIC, TOLERANCES, bsdf, direction, directions, each
 from test_distilled import turned
 from test_finite import numbers, parameters, unfinished
 from torch import Tensor
@@ -139,6 +139,28 @@ def test_the_rest_is_that_of_the_height_walk(scattering, distribution, seed):
                     errors[side].append(float((product / size).clamp_min(0).sqrt()))
     medians = {side: sorted(found)[len(found) // 2] for side, found in errors.items()}
     assert medians[1.0] < 0.04 and medians[-1.0] < 0.02, medians
+
+
+OFF = {0.25: (0.01, 0.04), 0.5: (0.022, 0.1), 1.0: (0.06, 0.2)}
+"""α_x up to which R + T is within these, root mean square and at most, of 1; up to 1.4 rad, for η from 1 / 2 to 2."""
+
+
+@pytest.mark.slow
+@on_all
+def test_energy_is_kept(scattering, distribution, seed):
+    """R + T by walks, whose noise is a tenth of the bounds."""
+    off: dict[float, list[Tensor]] = {most: [] for most in OFF}
+    for alpha in ((0.05,), (0.1,), (0.25,), (0.5,), (0.5, 0.15), (1.0,), (1.0, 0.1), (1.0, 0.3)):
+        most = min(m for m in OFF if alpha[0] <= m)
+        for eta in (1.1, 1.5, 2.0, 1 / 1.1, 1 / 1.5, 0.5):
+            surface = glass(distribution, alpha, eta, torch.float32)
+            wi = torch.stack([direction(theta, 0.4, torch.float32) for theta in (0.0, 0.5, 1.0, 1.4)])
+            legs = surface.albedo(wi, Stream(seed % 2**20, 1 << 13, "sobol"))
+            off[most].append((legs.reflected + legs.transmitted)[..., 0].sum(-1) - 1)
+    for most, found in off.items():
+        error = torch.cat(found)
+        rms, worst = OFF[most]
+        assert float(error.square().mean().sqrt()) < rms and float(error.abs().max()) < worst, (most, error)
 
 
 @pytest.mark.usefixtures("messages")

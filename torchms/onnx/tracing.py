@@ -41,7 +41,10 @@ def traced(graph: Graph) -> Any:
     clean(program.model)
     if graph.bsdf.dtype == torch.float64:
         refuse_float32(program.model, graph)
-    return ir.serde.serialize_model(program.model)
+    model = ir.serde.serialize_model(program.model)
+    # Shapes of what lies between inputs and outputs: two fifths of a file, and every reader infers them itself.
+    del model.graph.value_info[:]
+    return model
 
 
 def _root(error: BaseException) -> str:

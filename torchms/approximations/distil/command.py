@@ -132,7 +132,9 @@ def command_of(module: str, options: Any) -> str:
     words = [f"python -m {module}"]
     for each in fields(options):
         value = getattr(options, each.name)
-        if each.name not in PLACES and value != each.default:
+        if each.name not in PLACES and value != each.default and isinstance(value, bool):
+            words.append(f"--{each.name.replace('_', '-')}")
+        elif each.name not in PLACES and value != each.default:
             numbers = value if isinstance(value, tuple) else (getattr(value, "name", value),)
             words.append(f"--{each.name.replace('_', '-')} {' '.join(map(str, numbers))}")
     return " ".join(words)

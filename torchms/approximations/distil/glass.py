@@ -15,6 +15,7 @@ from torchms.approximations.distil import glass_fit, glass_held_out, glass_rows,
 from torchms.approximations.distil.command import Common, run, told
 from torchms.approximations.distil.glass_rows import Surfaces
 from torchms.approximations.distil.rows import OUTGOING
+from torchms.approximations.distilled import packaged
 from torchms.approximations.glass_lobes import GlassLobes
 from torchms.cli.progress import progress_bar
 from torchms.sampling.uniforms import generator_for
@@ -39,17 +40,19 @@ class Options(Common):
     """Walks of each row: from both ends for up to six bounces, and from one for more."""
     blocks: int = 8
     """Blocks of data."""
-    widths: tuple[int, ...] = (20, 14)
+    widths: tuple[int, ...] = (24, 20)
     """Units of the hidden layers of a pair of directions; cost and accuracy follow them."""
     each: tuple[int, ...] = (12,)
     """Units of the hidden layers of one direction."""
     rounds: tuple[int, ...] = (40, 24, 24)
-    """Levenberg-Marquardt steps of either side in turns."""
+    """Damped Newton steps of either side in turns."""
     rows: int = 32768
-    """Rows of a step."""
+    """Rows that a step's matrix is made of; all of them tell its direction."""
     cells: int = 1024
     """Directions of incidence at which energies are balanced."""
-    later: ClassVar[tuple[str, ...]] = ("widths", "each", "rounds", "rows", "cells")
+    packaged: bool = False
+    """Begin with the networks that come with torchms, in place of random ones; their units must be those asked for."""
+    later: ClassVar[tuple[str, ...]] = ("widths", "each", "rounds", "rows", "cells", "packaged")
 
 
 @torch.no_grad()
@@ -74,12 +77,13 @@ def main(options: Options) -> None:
     sides = fits(options, data)
     # One folder for what the steps depend on: more rounds go on from those that are there.
     numbers = "-".join(str(x) for x in (*options.widths, "of", *options.each, "by", options.rows, options.cells))
+    numbers += "-on" if options.packaged else ""
     rounds = folder / f"fit-{numbers}"
     rounds.mkdir(exist_ok=True)
     for number, steps in enumerate(options.rounds):
         for k, name in enumerate(FACETS):
             # What is reflected knows nothing of the other side before the latter was fitted.
-            other = sides[1 - k] if number or k else None
+            other = sides[1 - k] if number or k or options.packaged else None
             with progress_bar(f"{name}, round {number + 1}", steps) as advance:
                 sides[k].refined(other, steps, options.rows, rounds / f"round-{number}-{name}.npz", advance)
     found = [fit.distillate(name, options.alpha) for name, fit in zip(FACETS, sides, strict=True)]
@@ -92,10 +96,11 @@ def main(options: Options) -> None:
 def fits(options: Options, data: dict[str, Tensor]) -> list[glass_fit.Fit]:
     """What is reflected, and what is transmitted, before the first step."""
     kind, found = options.distribution, []
-    for side in ("up", "down"):
+    for side, facet in zip(("up", "down"), FACETS, strict=True):
+        begin = packaged(kind, facet) if options.packaged else None
         where = Surfaces(*(data[f"{side}_{name}"] for name in Surfaces._fields))
         wo, weights, f = (data[f"{side}_{name}"] for name in ("wo", "weights", "f"))
-        found.append(glass_fit.Fit(kind, where, wo, weights, f, (options.widths, options.each), options.seed))
+        found.append(glass_fit.Fit(kind, where, wo, weights, f, (options.widths, options.each), options.seed, begin))
     cells = glass_rows.drawn(options.alpha, options.cells, generator_for(options.seed + 1))
     glass_fit.balanced(found, kind, cells, options.seed + 2)
     return found

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from torchms.approximations import distilled_file as files
 from torchms.approximations import glass_lobes, pair_features
-from torchms.approximations.distil import glass_rows, glass_targets, refinement
+from torchms.approximations.distil import glass_rows, glass_targets, refinement, whole
 from torchms.approximations.distil.activations import ROOT
 from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.glass_rows import Surfaces
@@ -60,13 +60,14 @@ class Fit:
         f: Tensor,
         widths: tuple[Sequence[int], Sequence[int]],
         seed: int,
+        begin: files.Distillate | None = None,
     ) -> None:
         self.kind, self.up, self.seed = kind, bool(wo[0, 2] > 0), seed + 7
         inputs, scale = inputs_of(kind, where.repeated(OUTGOING), wo, self.up)
         first, rest = (f / scale[:, None]).unbind(1)
         lobe = weights * OUTGOING * scale * scale
-        whole = (first + rest).square()
-        size = (lobe * whole).view(-1, OUTGOING).sum(1) / lobe.view(-1, OUTGOING).sum(1).clamp_min(1e-20)
+        squares = (first + rest).square()
+        size = (lobe * squares).view(-1, OUTGOING).sum(1) / lobe.view(-1, OUTGOING).sum(1).clamp_min(1e-20)
         floor = torch.hypot(FIRST * first, WHOLE * size.sqrt().repeat_interleave(OUTGOING))
         start = float(torch.log(rest.clamp_min(1e-6)).median())
         self.weights = Weights(*widths, inputs, 1, glass_lobes.EXPONENT, start, ROOT)
@@ -74,6 +75,8 @@ class Fit:
         share = refinement.shares(lobe, first + rest)
         self.data = refinement.Data(self.weights.standardised(inputs), rest, floor, share)
         self.vector = self.weights.initial(generator_for(self.seed))
+        if begin is not None:
+            self.weights.begin_with(self.vector, begin)
         self.cells: Cells | None = None
 
     def energies(self) -> Tensor:
@@ -88,7 +91,7 @@ class Fit:
         cells = self.cells
         assert cells is not None
         cells = cells.part(0, 0) if other is None else cells._replace(lost=cells.lost - other.energies())
-        self.vector = refinement.refined(
+        self.vector = whole.refined(
             self.weights, self.vector, self.data, cells, steps, self.seed, checkpoint, advance, rows
         )
 

@@ -19,10 +19,12 @@ POINTS, PATHS = 64, (32, 64)
 """Outgoing directions of a lobe, and paths of either reference there."""
 QUADRATURE = 8192
 """Outgoing directions of an energy."""
+LEAST = 1e-3
+"""Share of the light below which a lobe has no error of its own: beyond total reflection it may be nothing at all."""
 
 
 class Table(NamedTuple):
-    """Errors of each cell: of the lobe above and of that below, and R + T − 1."""
+    """Errors of each cell: of the lobe above and of that below, nan for one that carries nothing; and R + T − 1."""
 
     where: Surfaces
     up: Errors
@@ -63,7 +65,9 @@ def table(lobes: GlassLobes, kind: str, where: Surfaces, seed: int) -> Table:
             glass_targets.estimated(kind, many, wo, 4 * seed + 2 * up + half, PATHS) for half in (0, 1)
         )
         mine, first, a, b = (x.double().view(-1, POINTS) for x in (mine, first, a, b))
-        found.append(compared(mine, first, a, b, points.weights.double()))
+        errors, weights = compared(mine, first, a, b, points.weights.double()), points.weights.double()
+        dark = ((first + (a + b) / 2) * weights).sum(1) < LEAST
+        found.append(Errors(*(x.masked_fill(dark, torch.nan) for x in errors)))
         for some in torch.arange(len(energy)).split(64):
             points = glass_rows.lobes(kind, where.part(some), up, QUADRATURE, generator_for(seed + 3 + up))
             value = rest(lobes, kind, where.part(some).repeated(QUADRATURE), points.wo.reshape(-1, 3), up)
@@ -81,6 +85,7 @@ def summary(lobes: GlassLobes, kind: str, alpha: tuple[float, float], seed: int)
         "noise": torch.cat([found.up.noise, found.down.noise]),
         "energy": found.energy.abs(),
     }
+    columns = {name: x[~x.isnan()] for name, x in columns.items()}
     return {
         name: {"median": round(float(x.median()), 6), "90 %": round(float(x.quantile(0.9)), 6)}
         | {"largest": round(float(x.max()), 6)}

@@ -57,8 +57,9 @@ def shares(lobe: Tensor, f: Tensor) -> Tensor:
 
     f: of all orders.
     """
-    size = (lobe * f * f).view(-1, OUTGOING).mean(1)
-    found = lobe / size.repeat_interleave(OUTGOING)
+    size = (lobe * f * f).view(-1, OUTGOING).mean(1).repeat_interleave(OUTGOING)
+    # Beyond total reflection a lobe may be next to nothing: relative to that, any error would be without bound.
+    found = torch.where(size > 1e-6 * size.median(), lobe / size.clamp_min(1e-30), 0.0)
     # A few directions that are hardly ever sampled would decide.
     return found.clamp_max(found.kthvalue(max(1, int(0.9995 * len(found)))).values)
 

@@ -108,6 +108,20 @@ class Weights:
             parts += [x.flatten() for layer in layers for x in layer] + [skip[0] * spread]
         return torch.cat(parts).float()
 
+    def begin_with(self, vector: Tensor, distillate: Distillate) -> None:
+        """Put the pair's network of a file into `vector`, and a network of each direction that says nothing yet.
+
+        ValueError if its units are others.
+        """
+        assert distillate.each is not None
+        units, _ = sizes_of(distillate)
+        if units != self.sizes[1:-1]:
+            raise ValueError(f"--packaged: those networks have {units} units; got --widths {self.sizes[1:-1]}.")
+        vector[: self.length] = self.unfolded(distillate)[: self.length]
+        *_, (weight, offset) = self.split(vector)[1][0]
+        weight.zero_()
+        offset.zero_()
+
     def split(self, vector: Tensor) -> tuple[Net, Net]:
         """The networks of the pair and of each direction."""
         return _layers(vector[: self.length], self.sizes), _layers(vector[self.length :], self.each)
