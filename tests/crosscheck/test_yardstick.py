@@ -15,7 +15,12 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 yardstick = pytest.importorskip("yardstick", reason="the yardstick needs numba")
 
 K, PAIRS, WALKS = 5, 6, 40_000
-CASES = [("ggx", GGX, 0.5), ("ggx", GGX, 1.0), ("beckmann", Beckmann, 0.5), ("beckmann", Beckmann, 1.0)]
+CASES = [
+    ("ggx", GGX, 0.5),
+    pytest.param("ggx", GGX, 1.0, marks=pytest.mark.slow),
+    pytest.param("beckmann", Beckmann, 0.5, marks=pytest.mark.slow),
+    ("beckmann", Beckmann, 1.0),
+]
 
 
 def directions(generator: torch.Generator) -> Tensor:

@@ -70,7 +70,6 @@ def test_eager(material, scattering, distribution, generator):
 
 COMPILED_QUICK = {
     ("conductor[conductor]", "kulla-conty", "ggx", "sample_walk"),
-    ("conductor[conductor]", "turquin", "beckmann", "albedo"),
 }
 """What the quick suite compiles: a compilation takes seconds."""
 
