@@ -52,7 +52,7 @@ def modelled(options: RenderOptions | ExportOptions, glass: str, opaque: str) ->
     usual = described(options)
     if isinstance(usual.scattering, Distilled) and not is_given(options, "max_order"):
         return usual
-    return described(options, SCATTERINGS[glass if usual.vertex.transmits else opaque](options.max_order))
+    return with_scattering(usual, SCATTERINGS[glass if usual.vertex.transmits else opaque](options.max_order))
 
 
 def _by_name(options: SurfaceOptions, scattering: Scattering | None) -> BSDF:

@@ -3,23 +3,20 @@
 For a few hundred numbers a step costs as much as a hundred of Adam's, and gets several times closer to the data.
 """
 
-import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.level import Level
 from torchms.approximations.distil.rows import OUTGOING
+from torchms.approximations.distil.step_state import StepState, kept
 from torchms.approximations.distil.training import loss
 from torchms.approximations.distil.weights import Inputs, Net, Weights
 from torchms.sampling.uniforms import generator_for, integers
-from torchms.storage.archives import read_arrays
-from torchms.storage.write import write_whole
 
 ROWS = 1 << 18
 """Rows of a step."""
@@ -83,13 +80,9 @@ def refined(
     level, generator = Level(weights), generator_for(seed)
     damping, rows, some, held, hard = 1e-2, data, cells, data.f, cells.lost
     least, first = 0.0, 0
-    if checkpoint.exists():
-        kept = read_arrays(checkpoint, 1 << 24)
-        first = min(int(kept["step"]), steps - steps % REDRAWN)
-        if first == int(kept["step"]):
-            vector, damping = torch.from_numpy(kept["vector"]), float(kept["damping"])
-        else:
-            first = 0
+    before = kept(checkpoint, StepState(vector, damping, 0))
+    if before.step <= steps - steps % REDRAWN:
+        vector, damping, first = before
     for _ in range(2 * (first // REDRAWN)):
         integers(0, 2, (), generator)
     advance(first)
@@ -115,18 +108,25 @@ def refined(
         damping = min(damping, 1.0)
         advance(1)
         if (step + 1) % REDRAWN == 0:
-            file = io.BytesIO()
-            np.savez(file, step=np.array(step + 1), vector=vector.numpy(), damping=np.array(damping))
-            write_whole(checkpoint, file.getvalue(), force=True)
+            StepState(vector, damping, step + 1).keep(checkpoint)
     return vector
+
+
+def row_weights(g: Tensor, floor: Tensor, lobe: Tensor) -> Tensor:
+    """Of squares of errors of g: part relative to the lobe, part to g itself."""
+    return LOBE * lobe + RELATIVE / (g * g + floor * floor)
+
+
+def energy_weights(off: Tensor) -> Tensor:
+    """Of squares of `off`, the errors of energies: those far off pull like their size, not like its square."""
+    return ENERGY / (1 + off.abs() / FAR)
 
 
 def _held(level: Level, vector: Tensor, rows: Data, cells: Cells) -> tuple[Tensor, Tensor]:
     """Weights of the rows, and of the energies: those far off pull like their size, not like its square."""
     g = torch.cat([level.value(vector, x) for x in rows.inputs.split(CHUNK)])
     off = energies(level, vector, cells) - cells.lost
-    weight = (LOBE * rows.lobe + RELATIVE / (g * g + rows.floor * rows.floor)) / len(g)
-    return weight, ENERGY / (1 + off.abs() / FAR) / max(len(off), 1)
+    return row_weights(g, rows.floor, rows.lobe) / len(g), energy_weights(off) / max(len(off), 1)
 
 
 def energies(level: Level, vector: Tensor, cells: Cells) -> Tensor:

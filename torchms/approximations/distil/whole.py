@@ -1,21 +1,18 @@
 """Damped Newton steps that look at all rows: slope and value of everything, and a matrix that some rows are enough for."""
 
-import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.level import Level
-from torchms.approximations.distil.refinement import CHUNK, ENERGY, FAR, LARGEST, LOBE, RELATIVE, SMALLEST, Data
+from torchms.approximations.distil.refinement import CHUNK, LARGEST, SMALLEST, Data, energy_weights, row_weights
+from torchms.approximations.distil.step_state import StepState, kept
 from torchms.approximations.distil.weights import Inputs, Weights
 from torchms.sampling.uniforms import draw, generator_for, integers
-from torchms.storage.archives import read_arrays
-from torchms.storage.write import write_whole
 
 POINTS = 64
 """Outgoing directions of each energy in the matrix; the slope takes all of them."""
@@ -45,10 +42,8 @@ def refined(
     size: int,
 ) -> Tensor:
     """`vector` after `steps` of them; each is kept in `checkpoint`, and gone on from. size: rows of the matrix."""
-    level, damping, first = Level(weights), 1e-3, 0
-    if checkpoint.exists():
-        kept = read_arrays(checkpoint, 1 << 24)
-        vector, damping, first = torch.from_numpy(kept["vector"]), float(kept["damping"]), int(kept["step"])
+    level = Level(weights)
+    vector, damping, first = kept(checkpoint, StepState(vector, 1e-3, 0))
     advance(min(first, steps))
     for step in range(first, steps):
         held = slope(level, vector, data, cells)
@@ -63,9 +58,7 @@ def refined(
                     break
                 damping *= 5
         damping = min(damping, 1.0)
-        file = io.BytesIO()
-        np.savez(file, step=np.array(step + 1), vector=vector.numpy(), damping=np.array(damping))
-        write_whole(checkpoint, file.getvalue(), force=True)
+        StepState(vector, damping, step + 1).keep(checkpoint)
         advance(1)
     return vector
 
@@ -84,13 +77,13 @@ def slope(level: Level, vector: Tensor, data: Data, cells: Cells) -> Held:
         g = level.value(vector, x)
         seen = g.detach()
         values.append(seen)
-        rows.append((LOBE * lobe + RELATIVE / (seen * seen + floor * floor)) / len(data.f))
+        rows.append(row_weights(seen, floor, lobe) / len(data.f))
         loss = (rows[-1] * (g - f) ** 2).sum()
         loss.backward()
         total += float(loss.detach())
     for part in parts_of(cells):
         off = part.energies(level.value(vector, part.inputs)) - part.lost
-        energies.append(ENERGY / (1 + off.detach().abs() / FAR) / len(cells.lost))
+        energies.append(energy_weights(off.detach()) / len(cells.lost))
         loss = (energies[-1] * off**2).sum()
         loss.backward()
         total += float(loss.detach())

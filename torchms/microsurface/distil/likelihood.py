@@ -8,20 +8,17 @@ of incidence of
 is smallest where λ is the surface's. The integral is a sum over fixed points; its curvature, ∫ λ ∇c ∇cᵀ, is the matrix.
 """
 
-import io
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from torchms.approximations.distil.step_state import StepState, kept
 from torchms.approximations.distil.weights import Inputs
 from torchms.microsurface.distil.networks import Correction
 from torchms.sampling.uniforms import draw, generator_for, integers
-from torchms.storage.archives import read_arrays
-from torchms.storage.write import write_whole
 
 CHUNK = 8192
 POINTS = 1 << 15
@@ -125,10 +122,7 @@ def fitted(
     advance: Callable[[int], None],
 ) -> Tensor:
     """`vector` after `steps` steps; every step is kept in `checkpoint`, and gone on from."""
-    damping, first = 0.1, 0
-    if checkpoint.exists():
-        kept = read_arrays(checkpoint, 1 << 24)
-        vector, damping, first = torch.from_numpy(kept["vector"]), float(kept["damping"]), int(kept["step"])
+    vector, damping, first = kept(checkpoint, StepState(vector, 0.1, 0))
     advance(min(first, steps))
     for step in range(first, steps):
         share = next(share for until, share in LOOKS if step < until * steps)
@@ -144,8 +138,6 @@ def fitted(
                 break
             damping *= 5
         damping = min(damping, 1e3)
-        file = io.BytesIO()
-        np.savez(file, step=np.array(step + 1), vector=vector.numpy(), damping=np.array(damping))
-        write_whole(checkpoint, file.getvalue(), force=True)
+        StepState(vector, damping, step + 1).keep(checkpoint)
         advance(1)
     return vector
