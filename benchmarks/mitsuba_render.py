@@ -104,7 +104,7 @@ def measured(mi: Any, name: str, size: int, spp: int, repetitions: int) -> tuple
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--variant", default="llvm_ad_rgb")
     parser.add_argument("--size", type=int, default=512)
     parser.add_argument("--spp", type=int, default=64)

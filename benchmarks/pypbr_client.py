@@ -9,18 +9,20 @@ material object. Energies are of a white metal and a white paint under light fro
 
 import argparse
 import math
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from pypbr.materials import BasecolorMetallicMaterial
-from pypbr.models import CookTorranceBRDF as Theirs
 from record import save
 from torch import Tensor
 
 from torchms.dropins.pypbr import CookTorranceBRDF as Ours
 from torchms.fresnel import Conductor
+
+BasecolorMetallicMaterial: Any = import_module("pypbr.materials").BasecolorMetallicMaterial
+Theirs: Any = import_module("pypbr.models").CookTorranceBRDF
 
 FIGURE = Path(__file__).parents[1] / "docs" / "images" / "pypbr.png"
 ROUGHNESSES = (0.2, 0.4, 0.6, 0.8, 1.0)

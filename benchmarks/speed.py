@@ -154,6 +154,7 @@ def single() -> list[dict[str, Any]]:
         )
         context: Any = mitsuba.BSDFContext()
         si: Any = mitsuba.SurfaceInteraction3f()
+        generator: Any = mitsuba.PCG32
         if variant == "scalar_rgb":
             n = 20_000
             first, second = mitsuba.Vector3f(*map(float, wi[0])), mitsuba.Vector3f(*map(float, wo[0]))
@@ -173,7 +174,7 @@ def single() -> list[dict[str, Any]]:
             si.wi = first
 
             def draw() -> Any:
-                sampler = mitsuba.PCG32(n)
+                sampler = generator(n)
                 return plugin.sample(
                     context, si, sampler.next_float32(), mitsuba.Point2f(sampler.next_float32(), sampler.next_float32())
                 )

@@ -13,6 +13,7 @@ base colour above, roughness below.
 """
 
 import argparse
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,7 @@ def body(mi: Any, bsdf: dict[str, Any]) -> Any:
     return mesh
 
 
-def scene(mi: Any, maps: tuple[np.ndarray, np.ndarray], bounces: str) -> Any:
+def scene(mi: Any, maps: Iterable[np.ndarray], bounces: str) -> Any:
     """The body under the sky."""
     textures = [{"type": "bitmap", "data": mi.TensorXf(x), "raw": True} for x in maps]
     bsdf = {"type": "torchms_metallic_roughness", "metallic": 1.0, "bounces": bounces}
@@ -93,7 +94,7 @@ def fit(mi: Any, targets: list[Any], views: list[Any], bounces: str, options: ar
     """The maps that the pictures are of, if that is how the material scatters; one view a step."""
     dr = import_module("drjit")
     start = (np.full((options.texels, options.texels, c), x, np.float32) for c, x in ((3, 0.7), (1, 0.6)))
-    found = scene(mi, tuple(start), bounces)
+    found = scene(mi, start, bounces)
     shown = mi.traverse(found)
     shown.keep([COLOR, ROUGHNESS])
     adam = mi.ad.Adam(lr=0.02, params=shown)
@@ -110,7 +111,7 @@ def fit(mi: Any, targets: list[Any], views: list[Any], bounces: str, options: ar
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("maps.png"))
     parser.add_argument("--size", type=int, default=96, help="pixels of a picture's side")
     parser.add_argument("--texels", type=int, default=32)
