@@ -1,5 +1,6 @@
 """Steps that look at all rows: slope and matrix are those of their objective, and they go down and on where they were."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -8,17 +9,21 @@ import torch
 from torchms.approximations.distil import glass_rows, whole
 from torchms.approximations.distil.glass_fit import Fit, balanced
 from torchms.approximations.distil.rows import OUTGOING
+from torchms.approximations.distil.weights import sizes_of
 from torchms.approximations.distilled import packaged
 from torchms.approximations.distilled_file import Distillate
+from torchms.approximations.glass_lobes import Side
 
 
-def fit_of(generator: torch.Generator, units: tuple[int, ...] = (5, 4), begin: Distillate | None = None) -> Fit:
+def fit_of(
+    generator: torch.Generator, units: Sequence[Sequence[int]] = ((5, 4), (3,)), begin: Distillate | None = None
+) -> Fit:
     """What a few surfaces reflect: some smooth lobe, and energies to be kept."""
     where = glass_rows.drawn((0.2, 1.0), 40, generator)
     lobes = glass_rows.lobes("GGX", where, True, OUTGOING, generator)
     wo = lobes.wo.reshape(-1, 3)
     f = torch.stack([0.05 * wo[:, 2], (0.02 + 0.01 * wo[:, 0]) * wo[:, 2]], 1)
-    fit = Fit("GGX", where, wo, lobes.weights.reshape(-1), f, (units, (3,)), 1, begin)
+    fit = Fit("GGX", where, wo, lobes.weights.reshape(-1), f, (units[0], units[1]), 1, begin)
     balanced([fit], "GGX", glass_rows.drawn((0.2, 1.0), 8, generator), 2)
     return fit
 
@@ -56,15 +61,21 @@ def test_steps_go_down_and_on(generator, tmp_path: Path):
     assert after < 0.8 * before
 
 
-def test_a_file_to_begin_with(generator):
-    """The pair's network is the file's, and either direction's says nothing; other units are refused."""
+@pytest.mark.parametrize("more", [0, 3])
+def test_a_file_to_begin_with(generator, more):
+    """Networks of as many units, or of more, begin as the file's, and all units can learn; fewer are refused."""
     begin = packaged("GGX", "reflected")
-    fit = fit_of(generator, tuple(len(offset) for _, offset in begin.layers[:-1]), begin)
-    (layers, skip), each = fit.weights.folded(fit.vector)
-    for (weight, offset), (expected, shift) in zip(layers, begin.layers, strict=True):
-        torch.testing.assert_close(weight, expected, rtol=1e-4, atol=1e-4)
-        torch.testing.assert_close(offset, shift, rtol=1e-3, atol=1e-3)
-    torch.testing.assert_close(skip, begin.skip, rtol=1e-4, atol=1e-4)
-    assert (each[0][-1][0] == 0).all() and (each[1] == 0).all()
+    units = [[n + more for n in numbers] for numbers in sizes_of(begin)]
+    fit = fit_of(generator, units, begin)
+    found = fit.distillate("reflected", begin.alpha)
+    assert sizes_of(found) == tuple(units)
+    pairs, of_both = torch.randn(21, 64, generator=generator), torch.randn(12, 2, 64, generator=generator)
+    mine, its = (Side(each)(tuple(pairs), tuple(of_both)) for each in (found, begin))
+    torch.testing.assert_close(mine, its, rtol=1e-4, atol=1e-3)
+    held = whole.slope(fit.level, fit.vector, fit.data, fit.cells)
+    (layers, _), (of_one, _) = fit.weights.split(
+        torch.zeros_like(fit.vector).index_put((fit.level.places,), held.slope.float())
+    )
+    assert layers[-1][0].all() and of_one[-1][0].all()
     with pytest.raises(ValueError, match="--packaged"):
-        fit_of(generator, (5, 4), begin)
+        fit_of(generator, [[5, 4], units[1]], begin)

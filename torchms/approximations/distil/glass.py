@@ -51,7 +51,7 @@ class Options(Common):
     cells: int = 1024
     """Directions of incidence at which energies are balanced."""
     packaged: bool = False
-    """Begin with the networks that come with torchms, in place of random ones; their units must be those asked for."""
+    """Begin with the networks that come with torchms, in place of random ones; with as many units as theirs, or more."""
     later: ClassVar[tuple[str, ...]] = ("widths", "each", "rounds", "rows", "cells", "packaged")
 
 

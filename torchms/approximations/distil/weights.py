@@ -68,7 +68,7 @@ class Weights:
         self.sizes = [inputs.pair.shape[1], *widths, outputs]
         self.each = [inputs.one.shape[1], *each, 1]
         self.exponent, self.start, self.activation = exponent, start, activation
-        self.length = sum(m * n + m for n, m in pairwise(self.sizes)) + self.sizes[0]
+        self.length = _length(self.sizes)
         one = torch.cat([inputs.one, inputs.other])
         self.mean, self.spread = inputs.pair.mean(0), inputs.pair.std(0)
         self.mean_of_one, self.spread_of_one = one.mean(0), one.std(0)
@@ -109,18 +109,20 @@ class Weights:
         return torch.cat(parts).float()
 
     def begin_with(self, vector: Tensor, distillate: Distillate) -> None:
-        """Put the pair's network of a file into `vector`, and a network of each direction that says nothing yet.
+        """Put the networks of a file into `vector`, which has as many units or more: these say nothing yet.
 
-        ValueError if its units are others.
+        ValueError if it has fewer.
         """
-        assert distillate.each is not None
-        units, _ = sizes_of(distillate)
-        if units != self.sizes[1:-1]:
-            raise ValueError(f"--packaged: those networks have {units} units; got --widths {self.sizes[1:-1]}.")
-        vector[: self.length] = self.unfolded(distillate)[: self.length]
-        *_, (weight, offset) = self.split(vector)[1][0]
-        weight.zero_()
-        offset.zero_()
+        begun = self.unfolded(distillate)
+        pair, each = (
+            [n, *units, m] for (n, *_, m), units in zip((self.sizes, self.each), sizes_of(distillate), strict=True)
+        )
+        for name, mine, its in (("widths", self.sizes, pair), ("each", self.each, each)):
+            if len(its) != len(mine) or any(a < b for a, b in zip(mine, its, strict=True)):
+                raise ValueError(f"--packaged: those networks have {its[1:-1]} units; got --{name} {mine[1:-1]}.")
+        length = _length(pair)
+        for net, sizes, old in zip(self.split(vector), (pair, each), (begun[:length], begun[length:]), strict=True):
+            _begin(net, _layers(old, sizes))
 
     def split(self, vector: Tensor) -> tuple[Net, Net]:
         """The networks of the pair and of each direction."""
@@ -166,6 +168,21 @@ def sizes_of(distillate: Distillate) -> tuple[list[int], list[int]]:
     assert distillate.each is not None
     pair, each = ([len(offset) for _, offset in layers[:-1]] for layers in (distillate.layers, distillate.each[0]))
     return pair, each
+
+
+def _length(sizes: Sequence[int]) -> int:
+    """Numbers of one network."""
+    return sum(m * n + m for n, m in pairwise(sizes)) + sizes[0]
+
+
+def _begin(net: Net, old: Net) -> None:
+    """Write `old` into the first units of `net`; what its further units say is not heard by any layer behind them."""
+    (layers, skip), (before, linear) = net, old
+    for (weight, offset), (w, b) in zip(layers, before, strict=True):
+        weight[: len(b)] = 0
+        weight[: len(b), : w.shape[1]] = w
+        offset[: len(b)] = b
+    skip.copy_(linear)
 
 
 def _layers(vector: Tensor, sizes: Sequence[int]) -> Net:
