@@ -14,7 +14,7 @@ PIECE = 512
 """Elements that stay in the first cache: machine code takes rows by so many."""
 ELEMENTS = 16384
 """Elements that a thread takes at a time."""
-FEW = 2_000_000
+FEW = 16_000_000
 """Operations on single numbers that one thread does alone: another one would take longer to begin."""
 ALONG_PATHS = 64
 """Paths from which on machine code goes along them, not along the rows."""
