@@ -27,8 +27,9 @@ def _cpu() -> str:
 
 
 def machine() -> str:
-    """Processor and number of cores, as the name of a folder."""
-    return re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {os.cpu_count()} cores".lower()).strip("-")
+    """Processor, its vectors and number of cores, as the name of a folder: processors of one name may differ by half."""
+    vectors = torch.backends.cpu.get_cpu_capability()
+    return re.sub(r"[^a-z0-9]+", "-", f"{_cpu()} {vectors} {os.cpu_count()} cores".lower()).strip("-")
 
 
 def results(home: Path = HOME) -> Path:
