@@ -33,13 +33,14 @@ SEQUENCES = ("random", "sobol", "rank1")
 
 
 def models(quick: bool) -> Iterator[tuple[str, ...]]:
-    """The quick ones have between them every distribution, every cheap scattering, and all materials with other code."""
+    """The quick ones have between them every distribution, every family of scatterings, and all materials with other code."""
     seen = set()
     for case in surfaces().args[1]:
         material, scattering, distribution = case.values
+        family = "compensation" if scattering in COMPENSATIONS else scattering.partition("-")[0]
         parts = {
             distribution,
-            scattering,
+            family,
             (material, scattering == "height-walk"),
             (material, scattering in COMPENSATIONS),
         }

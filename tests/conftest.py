@@ -27,11 +27,26 @@ LEVEL = sidak(FAMILY_LEVEL, STATISTICAL_TESTS)
 torch.set_num_threads(1)
 
 
+COSTLY = {
+    "test_engine.py::test_hard_numbers": ("kulla-conty", "turquin"),
+    "test_distilled_export.py": ("dielectric",),
+    "test_files.py::test_parity_over_the_tables": ("kulla-conty",),
+    "test_yardstick.py": ("beckmann",),
+    "test_distilled.py": ("beckmann",),
+    "test_distilled_glass.py": ("beckmann",),
+    "test_gradient.py::test_gradcheck": ("bidirectional-correlated", "diffuse-bidirectional"),
+}
+"""Where a test has quick cases enough without those that have one of these words in their name."""
+
+
 def is_costly(item: pytest.Item) -> bool:
     """What costs most together; each part has its quick cases with something cheaper.
 
     In the laws all scatterings of GGX are quick, and of Beckmann those that walk no path.
     """
+    where = item.nodeid.rpartition("/")[2]
+    if any(where.startswith(place) and any(word in item.name for word in words) for place, words in COSTLY.items()):
+        return True
     if item.path.name == "test_blocks.py":
         return "correlated" in item.name
     if item.path.name == "test_engine.py":

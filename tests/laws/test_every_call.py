@@ -69,7 +69,7 @@ def test_eager(material, scattering, distribution, generator):
 
 
 COMPILED_QUICK = {
-    ("conductor[conductor]", "kulla-conty", "ggx", "sample_walk"),
+    ("conductor[conductor]", "single", "ggx", "sample_walk"),
 }
 """What the quick suite compiles: a compilation takes seconds."""
 
