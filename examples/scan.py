@@ -1,4 +1,9 @@
-"""From a scan to a surface: the slopes of real ground, as a distribution and as a Gaussian, and the light both give back.
+"""From a scan to a surface
+=========================
+
+The slopes of real ground, as a distribution and as a Gaussian, and the light both give back.
+
+::
 
     python examples/scan.py --out scan.png
     python examples/scan.py --file mine.x3p --steeper 1 --out mine.png

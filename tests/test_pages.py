@@ -1,5 +1,6 @@
 """The links of the documentation lead somewhere, and its pictures are shown; `test_docs_code.py` runs its code."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -21,3 +22,13 @@ def test_every_picture_is_shown() -> None:
     text = "".join(page.read_text() for page in [*DOCS.rglob("*.md"), DOCS.parent / "README.md"])
     unseen = [path.name for path in (DOCS / "images").rglob("*.png") if path.name not in text]
     assert not unseen
+
+
+EXAMPLES = [path for path in sorted((DOCS.parent / "examples").glob("*.py")) if path.name != "gbuffer.py"]
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=[path.stem for path in EXAMPLES])
+def test_examples_have_titles(example: Path) -> None:
+    """Without one the gallery has no link to it."""
+    title, line, *_ = (ast.get_docstring(ast.parse(example.read_text())) or "\n").splitlines()
+    assert title and line == "=" * len(title)
