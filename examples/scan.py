@@ -1,5 +1,5 @@
 """From a scan to a surface
-=========================
+========================
 
 The slopes of real ground, as a distribution and as a Gaussian, and the light both give back.
 
