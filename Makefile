@@ -24,11 +24,11 @@ $(DOCS): $(STAMP)
 	touch $(DOCS)
 
 demo: $(CORE)  ## energies of rough gold, glass and chalk, order by order, in all models
-	@$(BIN)/torchms energy --material conductor --metal Au --alpha 0.5 --max-order 6 --samples 3e5
+	@$(BIN)/torchms energy --material conductor --metal Au --alpha 0.5 --max-order 6 --samples 1e5
 	@echo
-	@$(BIN)/torchms energy --material dielectric --eta 1.5 --alpha 0.5 --max-order 6 --samples 3e5
+	@$(BIN)/torchms energy --material dielectric --eta 1.5 --alpha 0.5 --max-order 6 --samples 1e5
 	@echo
-	@$(BIN)/torchms energy --material diffuse --albedo 0.9 --alpha 0.5 --max-order 6 --samples 3e5
+	@$(BIN)/torchms energy --material diffuse --albedo 0.9 --alpha 0.5 --max-order 6 --samples 1e5
 
 # Two processes with one thread each: the statistics are many small blocks. glibc keeps what is freed: pages given back and
 # taken again are half of the time of the quadratures in GTR.
