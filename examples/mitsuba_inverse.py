@@ -11,6 +11,7 @@ The pictures are of `torchms_metallic_roughness` with all bounces, from several 
 and with one, by `prb` and Adam: what a model leaves out ends up in the maps. maps.png: the truth, all bounces, one bounce;
 base colour above, roughness below.
 """
+# sphinx_gallery_thumbnail_path = "images/mitsuba_inverse.png"
 
 import argparse
 from collections.abc import Iterable

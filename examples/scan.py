@@ -12,6 +12,7 @@ Prints the energies of a perfect mirror of that shape, order by order: rays on i
 slopes that it has, and with those of a Gaussian (Beckmann) surface of the same roughness. Without a file it takes the
 height map of ground that comes with matplotlib, 3.4 times as steep as it is, which makes alpha 1.
 """
+# sphinx_gallery_thumbnail_path = "images/scan.png"
 
 import argparse
 import math

@@ -54,8 +54,8 @@ def pictures(folder: Path, light: Path) -> list[RenderOptions]:
         RenderOptions(out=str(folder / "furnace_all_bounces.png"), bsdf=MIRROR.format(ALL_BOUNCES), **furnace),
         RenderOptions(
             out=str(folder / "gold.png"),
-            bsdf="RoughConductor(GGX(0.35), Conductor.metal('Au'), HeightWalk(8))",
-            samples=128,
+            bsdf="RoughConductor(GGX(0.35), Conductor.metal('Au'))",
+            samples=256,
             **lit,
         ),
         RenderOptions(
