@@ -81,7 +81,7 @@ theory-figures: $(STAMP)  ## the figures of the pages of the theory, docs/images
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright --pythonpath $(BIN)/python torchms benchmarks examples export tools
+	$(BIN)/pyright --pythonpath $(BIN)/python
 
 coverage: $(STAMP)  ## statements of torchms that the suite runs
 	$(PYTEST) -n 2 -m "not slow" --cov --cov-report=term-missing:skip-covered

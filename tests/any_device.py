@@ -83,7 +83,7 @@ def check(surface: BSDF, methods: Iterable[str]) -> Iterator[str]:
         form = CALLS[method]
         try:
             outputs = METHODS[method](there, wi, wo, numbers[form])
-            total = sum(x.sum() for x in outputs if x.requires_grad)
+            total = torch.stack([x.sum() for x in outputs if x.requires_grad]).sum()
             gradients = torch.autograd.grad(total, [wi, wo, *given.values()], allow_unused=True)
         except Exception as error:
             yield f"{method} with a {form}: {type(error).__name__}: {str(error).splitlines()[0][:300]}"
@@ -155,7 +155,7 @@ def check_shading(surface: BSDF) -> list[str]:
         drawn.pdf,
         alpha(r, "pbrt-v3"),
     ]
-    gradients = torch.autograd.grad(sum(v.sum() for v in values), [r, a, normal, view, light, tangent])
+    gradients = torch.autograd.grad([v.sum() for v in values], [r, a, normal, view, light, tangent])
     return [f"shading: a result on {v.device}" for v in (*values, *gradients) if v.device.type != DEVICE]
 
 
@@ -178,7 +178,7 @@ def check_dropins() -> list[str]:
                 for kind in ("point", "directional")
             ),
         ]
-        gradients = torch.autograd.grad(sum(v.sum() for v in values), [*given, light, r])
+        gradients = torch.autograd.grad([v.sum() for v in values], [*given, light, r])
         found += [f"drop-ins: a result on {v.device}" for v in (*values, *gradients) if v.device.type != DEVICE]
     return found
 
@@ -189,7 +189,7 @@ def main(which: str) -> int:
     for sequence in SEQUENCES:  # the shared points hold real numbers, whoever asks for them
         Stream(1, PATHS, sequence).uniforms((1,), shared.n_uniforms)
     built = {
-        names: bsdf(*names, alphas_for(*names[:2]), max_order=2, dtype=torch.float32)
+        names: bsdf(*names, alpha=alphas_for(*names[:2]), max_order=2, dtype=torch.float32)
         for names in models(which == "quick")
     }
     layered = list(metallic_roughness(which == "quick"))
@@ -197,7 +197,7 @@ def main(which: str) -> int:
     torch._C._set_only_lift_cpu_tensors(True)
     with FakeTensorMode(allow_non_fake_inputs=True):
         try:
-            torch.rand(2, device=DEVICE) + torch.rand(2)
+            _ = torch.rand(2, device=DEVICE) + torch.rand(2)
         except RuntimeError:
             pass
         else:

@@ -39,6 +39,7 @@ from torchms import (
     Uncorrelated,
     Unidirectional,
 )
+from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel import Conductor, Dielectric, Fresnel, Ideal, Schlick
 from torchms.maths import frame
 
@@ -79,7 +80,7 @@ def tabulated(alpha: float | Tensor, alpha_y: float | Tensor | None = None) -> T
     return Tabulated(weights, means, covariances, alpha, alpha_y)
 
 
-ELLIPTIC: dict[str, type[MicrofacetDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
+ELLIPTIC: dict[str, type[EllipticDistribution]] = {"ggx": GGX, "beckmann": Beckmann}
 """Those with α_x and α_y, which the reference tables and other renderers have as well."""
 
 DISTRIBUTIONS: dict[str, Callable[..., MicrofacetDistribution]] = {

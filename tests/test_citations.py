@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from cases import DISTRIBUTIONS, EVERY_SCATTERING, MATERIALS, SEGMENTS
@@ -60,7 +61,7 @@ def test_what_is_cited_exists() -> None:
     assert len(named) > 8 and named <= set(PAPERS)
 
     class Mine(ms.GGX):
-        sources = ("Nobody1900",)
+        sources: ClassVar[tuple[str, ...]] = ("Nobody1900",)
 
     with pytest.raises(ValueError, match=r"Nobody1900.*PAPERS"):
         ms.cite(Mine(0.5))

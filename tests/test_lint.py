@@ -12,13 +12,15 @@ CHECKS = {
     "format": ["ruff", "format", "--check", "."],
     "types": ["pyright", "--pythonpath", sys.executable, "torchms"],
     "scripts": ["pyright", "--pythonpath", sys.executable, "benchmarks", "examples", "export", "tools"],
+    "tests": ["pyright", "--pythonpath", sys.executable, "tests"],
 }
-"""The last one looks at what the library does without."""
+SLOW = ("scripts", "tests")
+"""They look at what the library does without."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n == "scripts" else []) for n in CHECKS])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in CHECKS])
 def test_clean(name):
     done = subprocess.run(
-        [sys.executable, "-m", *CHECKS[name]], cwd=ROOT, capture_output=True, text=True, timeout=300, check=False
+        [sys.executable, "-m", *CHECKS[name]], cwd=ROOT, capture_output=True, text=True, timeout=600, check=False
     )
     assert done.returncode == 0, f"make lint: {name}\n{done.stdout[-4000:]}{done.stderr[-2000:]}"

@@ -20,5 +20,6 @@ def test_every_cell_agrees(name, scattering, n_paths, seed, budget):
         progress=False,
     )
     lobes = tally.lobes
+    assert lobes is not None
     ours = Estimate(lobes.mean[..., 0] * lobes.bin_sr, lobes.stderr[..., 0] * lobes.bin_sr, n_paths)
     budget(p_value(share_zscore(ours, theirs)), lambda i: f"plane and cell {divmod(i, 128)}")

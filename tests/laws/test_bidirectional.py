@@ -126,7 +126,7 @@ def lands(d: Tensor, wo: Tensor) -> Tensor:
 
 def walked(bsdf: BSDF, wi: Tensor, wo: Tensor, seed: int, n: int) -> Estimate:
     """Share of the energy from wi that its walks carry into the cell of wo, by order: (pairs, K, C)."""
-    total = square = 0
+    total = square = torch.zeros((), dtype=torch.float64)
     size = 20_000
     for block in range(n // size):
         walks = bsdf.sample_walk(wi, Stream(seed + block, size))

@@ -13,6 +13,7 @@ from torchms import BSDF, GGX, GTR, KullaConty, RoughConductor, RoughDielectric,
 from torchms.approximations import AlbedoTable
 from torchms.approximations.mean_fresnel import mean_fresnel
 from torchms.approximations.single_bounce_energy import crowded, gauss
+from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel import Conductor, Dielectric, Ideal, Schlick
 from torchms.testing import reciprocity
 
@@ -44,6 +45,7 @@ def integral_of_rest(surface: BSDF, wi: Tensor) -> Tensor:
     x, weight = gauss(80)
     mu, weight = x**4, weight * 4 * x**3
     turn, share = crowded(48)
+    assert isinstance(surface.distribution, EllipticDistribution)
     ax, ay = surface.distribution.alphas
     k = float((ax / ay).sqrt())
     psi = turn * math.pi / 2

@@ -21,6 +21,7 @@ from torchms import (
     Unidirectional,
 )
 from torchms.approximations.single_bounce_energy import crowded, energy_lost, gauss
+from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel import Conductor, Ideal, Schlick
 from torchms.testing import reciprocity
 
@@ -113,6 +114,7 @@ def test_the_furnace_is_white(alpha, scattering, distribution):
 
 def first_energy(surface: BSDF, wi: Tensor) -> Tensor:
     """Energy of one bounce (n), by quadrature."""
+    assert isinstance(surface.distribution, EllipticDistribution)
     ax, ay = (alpha.expand(len(wi)) for alpha in surface.distribution.alphas)
     return 1 - energy_lost(type(surface.distribution), wi, ax, ay)
 
@@ -122,6 +124,7 @@ def rest_energy(surface: BSDF, wi: Tensor) -> Tensor:
     x, weight = gauss(64)
     mu, weight = x * x, weight * 2 * x
     turn, share = crowded(96)
+    assert isinstance(surface.distribution, EllipticDistribution)
     ax, ay = surface.distribution.alphas
     k = float((ax / ay).sqrt())
     psi = (torch.cat([turn + i for i in range(4)]) * (math.pi / 2)).reshape(-1)

@@ -19,7 +19,7 @@ def second_order(surface: BSDF, segment: Segment, wi: Tensor, wo: Tensor) -> Ten
     def integrand(d: Tensor) -> Tensor:
         first, last = (Vec3(*w.expand(len(d), 3).unbind(-1)) for w in (wi, wo))
         between = segment(torch.stack(torch.broadcast_tensors(Lambda(-wi), Lambda(d), Lambda(wo)), -1))
-        return (vertex.value(first, split(d)) * vertex.value(-split(d), last))[-1] * between
+        return (vertex.value(first, split(d), None, None) * vertex.value(-split(d), last, None, None))[-1] * between
 
     return sphere_cells(integrand, (8, 16), 1e-5, levels=7).sum()
 

@@ -60,10 +60,9 @@ def test_flat_glass_is_fresnel_and_snell(eta: float, theta: float) -> None:
         FLAT, DielectricFacets(eta), direction(theta, 0.4), n_rays=n, max_order=3, seed=8, tracer=GridTracer()
     )
     ci, sin_t = math.cos(theta), math.sin(theta) / eta
-    if sin_t >= 1:
-        F = 1.0
-    else:
-        ct = math.sqrt(1 - sin_t**2)
+    ct = math.sqrt(max(1 - sin_t**2, 0.0))
+    F = 1.0
+    if sin_t < 1:
         F = 0.5 * (((ci - eta * ct) / (ci + eta * ct)) ** 2 + ((eta * ci - ct) / (eta * ci + ct)) ** 2)
     reflected, transmitted = tally.reflected[0, 0].item(), tally.transmitted[0, 0].item()
     assert reflected + transmitted == pytest.approx(1, abs=1e-9)

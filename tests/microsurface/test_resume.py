@@ -153,6 +153,7 @@ def test_all_shards_from_disk_are_the_same_result(tmp_path: Path) -> None:
     for other in (again, plain):
         assert torch.equal(first.reflected, other.reflected)
         assert torch.equal(first.reflected_stderr, other.reflected_stderr)
+        assert first.lobes is not None and other.lobes is not None
         assert torch.equal(first.lobes.mean, other.lobes.mean)
         assert first.info["slopes"] == other.info["slopes"]
     assert again.info["rays_per_second"] == 0

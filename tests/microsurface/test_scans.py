@@ -5,6 +5,7 @@ import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -162,7 +163,7 @@ def test_the_page_runs(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib", reason="has the ground's heights")
     monkeypatch.chdir(tmp_path)
     page = (Path(__file__).parents[2] / "docs" / "scans.md").read_text()
-    names: dict[str, object] = {}
+    names: dict[str, Any] = {}
     for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
         exec(compile(block, "docs/scans.md", "exec"), names)
     assert names["tally"].n == 20_000 and names["steeper"].alphas[0] == pytest.approx(1, abs=0.1)

@@ -158,6 +158,7 @@ def test_result_does_not_depend_on_threads_or_batches(monkeypatch: pytest.Monkey
     for other in others:
         for name in ("reflected", "reflected_stderr", "remaining", "total_stderr"):
             assert torch.equal(getattr(first, name), getattr(other, name)), name
+        assert first.lobes is not None and other.lobes is not None
         assert torch.equal(first.lobes.mean, other.lobes.mean)
         assert torch.equal(first.lobes.stderr, other.lobes.stderr)
 
@@ -211,6 +212,7 @@ def test_absorbing_mirrors_sum_up() -> None:
     rest = torch.tensor([tally.info["lost"], tally.info["absorbed"]], dtype=torch.float64)
     assert (tally.reflected.sum(0) + rest.sum(0)).tolist() == pytest.approx([1.0] * 3, abs=1e-8)
     # The same paths, each with its facets' reflectances on it: between F_min^k and 1.
+    assert copper.fresnel is not None
     F = copper.fresnel(torch.linspace(0, 1, 200, dtype=torch.float64)).min(0).values.double()
     for k in range(3):
         assert (tally.reflected[k] <= ideal.reflected[k]).all()

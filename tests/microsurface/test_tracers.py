@@ -27,7 +27,8 @@ def launched(grid: Grid, n: int, theta: float, phi: float, key: int = 1) -> Path
     p.n = n
     seed = np.array([key, 7], dtype=np.uint32)
     place = (p.x, p.y, p.z, p.d, p.tri, p.side, p.ray)
-    launch(0, n, seed, direction(theta, phi).numpy(), *grid.heights.shape, grid.launch_height, *place, n)
+    rows, columns = grid.heights.shape
+    launch(0, n, seed, direction(theta, phi).numpy(), rows, columns, grid.launch_height, *place, n)
     return p
 
 

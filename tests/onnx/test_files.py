@@ -71,7 +71,7 @@ def test_batch_sizes_through_one_session(name: str, exported_file: File) -> None
     whole = session.run(None, inputs)
     for rows in (0, 1, 3):
         some = session.run(None, {k: v[:rows] for k, v in inputs.items()})
-        for part, all_rows in zip(some, whole, strict=True):
+        for part, all_rows in zip(map(np.asarray, some), map(np.asarray, whole), strict=True):
             assert part.shape == (rows, *all_rows.shape[1:])
             np.testing.assert_allclose(part, all_rows[:rows], rtol=1e-3, atol=1e-6)
 

@@ -210,4 +210,5 @@ def test_a_trained_map_gets_gradients(generator):
     surface = RoughConductor(GGX(alpha), Schlick(0.5)).double()
     wi = direction(0.7)
     surface(wi, wi, surface.uniforms((3, 4), 2, generator=generator)).sum().backward()
+    assert alpha.grad is not None
     assert alpha.grad.shape == (3, 4) and (alpha.grad != 0).all()

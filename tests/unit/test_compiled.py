@@ -167,7 +167,7 @@ def test_exchanged_parts_compile_anew(generator: torch.Generator) -> None:
     fast = torchms.compile(RoughConductor(GGX(0.5), Conductor(0.2, 3.0)), verbose=False)
     wi = directions(5, generator)
     fast.pdf(wi, wi)
-    fast.distribution.alpha.fill_(0.6)
+    fast.distribution.get_buffer("alpha").fill_(0.6)
     fast.eval()
     same([fast.pdf(wi, wi)], [RoughConductor(GGX(0.6), Conductor(0.2, 3.0)).pdf(wi, wi)])
     assert len(fast.engine.compiled) == 1

@@ -36,6 +36,7 @@ def test_derivatives_of_the_level(generator):
     g, derivatives = level.derivatives(vector, given)
     torch.testing.assert_close(g, level.value(vector, given))
     whole = torch.autograd.functional.jacobian(lambda v: weights.outputs(v, given)[:, 0], vector)
+    assert isinstance(whole, torch.Tensor)
     others = torch.ones(len(vector), dtype=torch.bool)
     others[level.places] = False
     torch.testing.assert_close(derivatives, whole[:, level.places], rtol=1e-9, atol=1e-12)

@@ -201,7 +201,7 @@ def test_gradients_of_positions_and_maps(generator):
     places = [torch.tensor(x).double() for x in ([[0.1, 0.2, 1.0]] * 3, [[0.0, 0.0, 5.0]] * 3, [[1.0, 0.0, 4.0]] * 3)]
     for bounces in ("all", 1):
         leaves = [x.clone().requires_grad_() for x in (points[0], points[1], points[2], *places)]
-        gradients = torch.autograd.grad(pbr_bsdf(*leaves, 0.1, bounces=bounces).sum(), leaves)
+        gradients = torch.autograd.grad(pbr_bsdf(*leaves, min_roughness=0.1, bounces=bounces).sum(), leaves)
         assert all(bool(g.isfinite().all()) and bool((g != 0).any()) for g in gradients)
 
 

@@ -170,7 +170,7 @@ def test_what_is_exchanged_is_noticed(generator: torch.Generator) -> None:
         torch.testing.assert_close(fast(wi, wo), plain(wi, wo), rtol=1e-5, atol=1e-7)
 
     fast(wi, wo)
-    fast.distribution.alpha.fill_(0.3)
+    fast.distribution.get_buffer("alpha").fill_(0.3)
     same()
     fast.distribution.alpha = torch.linspace(0.2, 0.8, 7)
     same()

@@ -92,8 +92,9 @@ def test_computed_tensors_are_what_they_compute() -> None:
         def forward(self, x: Tensor) -> Tensor:
             return 2 * x
 
-    surface = RoughConductor(GGX(nn.Parameter(torch.tensor(0.2))), Ideal(), Amplified(2.0))
-    parametrize.register_parametrization(surface.scattering.network[0], "weight", Twice())
+    scattering = Amplified(2.0)
+    surface = RoughConductor(GGX(nn.Parameter(torch.tensor(0.2))), Ideal(), scattering)
+    parametrize.register_parametrization(scattering.network[0], "weight", Twice())
     parametrize.register_parametrization(surface.distribution, "alpha", Twice())
     held = {name: value for name, (_, value) in parameters(surface).items()} | weights(surface)
     assert set(held) == {"distribution.alpha", "scattering.parts.gain.value"} | {
@@ -103,6 +104,7 @@ def test_computed_tensors_are_what_they_compute() -> None:
     clone = with_parameters(surface, held)
     assert torch.equal(clone(WI, WO), surface(WI, WO)) and type(clone.distribution) is GGX
     part = with_parameters(surface, {"scattering.network.0.bias": torch.zeros(2, dtype=torch.float64)})
+    assert isinstance(part.scattering, Amplified)
     assert torch.equal(part.scattering.network[0].weight, held["scattering.network.0.weight"])
 
 

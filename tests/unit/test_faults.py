@@ -194,7 +194,7 @@ def test_an_interrupt_leaves_no_part(delay, tmp_path):
 
 def test_an_interrupt_at_any_instruction(tmp_path):
     """Instead of at random times: at every instruction of the writer, one after the other."""
-    left, outside = 0, sys.gettrace()
+    left, instruction, outside = 0, 0, sys.gettrace()
 
     def step(frame: FrameType, event: str, argument: object) -> Callable[..., object] | None:
         nonlocal left

@@ -76,7 +76,7 @@ def test_a_vector_without_a_direction_is_the_normal():
         n = join(normalized(split(v)))
         assert n.tolist() == [0, 0, 1]
         n.sum().backward()
-        assert v.grad.tolist() == [0, 0, 0]
+        assert v.grad is not None and v.grad.tolist() == [0, 0, 0]
 
 
 def test_mirrored_is_across_the_surface():

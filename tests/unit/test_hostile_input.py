@@ -99,7 +99,7 @@ def test_a_number_that_was_rounded_to_1_does_no_harm(material, scattering, gener
     """Values and gradients are finite."""
     surface, wi, wo, u = given(material, scattering, generator)
     u = torch.where(torch.rand(u.shape, generator=generator) < 0.5, 1.0, u)
-    alpha = surface.distribution.alpha.requires_grad_()
+    alpha = surface.distribution.get_buffer("alpha").requires_grad_()
     for method in METHODS.values():
         for part in method(surface, wi, wo, u):
             assert bool(part.isfinite().all())
@@ -139,7 +139,7 @@ def test_negative_zeros_and_denormals(material, scattering, generator):
 @each("mode", {"inference": torch.inference_mode, "no_grad": torch.no_grad})
 def test_without_gradients_the_bits_are_the_same(mode, generator):
     surface, wi, wo, u = given("dielectric", "bidirectional-correlated", generator)
-    alpha = surface.distribution.alpha.requires_grad_()
+    alpha = surface.distribution.get_buffer("alpha").requires_grad_()
     plain = surface(wi, wo, u)
     with {"inference": torch.inference_mode, "no_grad": torch.no_grad}[mode]():
         quiet = surface(wi, wo, u)

@@ -13,6 +13,7 @@ import pytest
 import torch
 import trimesh
 from PIL import Image
+from trimesh.resolvers import FilePathResolver
 
 from torchms.microsurface import DiffuseFacets, GaussianSurfaces, Heightfield, simulate
 from torchms.microsurface.rays.grid_walk import GridTracer
@@ -182,7 +183,7 @@ def test_no_other_file_is_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     def fail(self: object, name: str) -> bytes:
         raise AssertionError(f"{name} was opened")
 
-    monkeypatch.setattr(trimesh.resolvers.FilePathResolver, "get", fail)
+    monkeypatch.setattr(FilePathResolver, "get", fail)
     (tmp_path / "secret.mtl").write_text("newmtl a\nKd 1 0 0\nmap_Kd secret.png\n")
     path = tmp_path / "a.obj"
     path.write_text("mtllib secret.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

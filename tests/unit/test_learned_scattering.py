@@ -60,13 +60,14 @@ def test_it_trains() -> None:
 def test_the_laws_do_not_touch_what_is_trained() -> None:
     """Nor do they need its graphs: weights that another network gave are tried as they are."""
     surface = learned()
-    network = surface.scattering.network
+    network = surface.scattering.get_submodule("network")
+    last = network.get_submodule("2")
     before = copy.deepcopy(network.state_dict())
-    given = 1.0 * network[2].bias
-    del network[2].bias
-    network[2].register_buffer("bias", given)
+    given = 1.0 * last.get_parameter("bias")
+    del last.bias
+    last.register_buffer("bias", given)
     assert not law_suite(surface, samples=2000).failed
-    assert network[2].bias is given and all(p.requires_grad for p in network.parameters())
+    assert last.bias is given and all(p.requires_grad for p in network.parameters())
     assert all(torch.equal(network.state_dict()[name], value) for name, value in before.items() if name != "2.bias")
 
 
@@ -92,9 +93,10 @@ def test_the_reference_of_its_exported_file_is_float64_throughout() -> None:
     inputs = grid(graph, 50)
     single, double = eagerly(graph, inputs), eagerly(graph, inputs, torch.float64)
     assert double.dtype == torch.float64 and single.dtype == torch.float32
-    exact = learned().double().scattering.network
+    exact = learned().double().scattering.get_submodule("network")
     x = torch.rand(9, 2, dtype=torch.float64)
-    assert torch.equal(graph.substituted(inputs, torch.float64).scattering.network(x), exact(x))
+    substituted = graph.substituted(inputs, torch.float64).scattering.get_submodule("network")
+    assert torch.equal(substituted(x), exact(x))
     assert float((double[:, 1] - single[:, 1]).abs().max()) < 1e-6
 
 

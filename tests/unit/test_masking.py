@@ -5,6 +5,7 @@ import scipy.special
 import torch
 from cases import DISTRIBUTIONS, MATERIALS, TOLERANCES, bsdf, directions, each
 
+from torchms import RoughConductor
 from torchms.maths.numerics import smallest
 from torchms.paths.masking import G1_dist, G2_dist, G2_mid, escape_transmitted
 from torchms.testing import sphere_cells
@@ -96,6 +97,7 @@ def test_one_order_is_a_single_bounce(material, distribution, generator):
 def test_single_bounce_is_the_textbook(distribution, generator):
     """F D G2 / (4 cos θ_i) from the public pieces, G2 = 1 / (1 + Λ_i + Λ_o)."""
     surface = bsdf("conductor[schlick]", "single", distribution)
+    assert isinstance(surface, RoughConductor)
     wi, wo = directions(200, generator, 0.01), directions(200, generator, 0.01)
     h = torch.nn.functional.normalize(wi + wo, dim=-1)
     model = surface.distribution

@@ -44,6 +44,7 @@ def test_the_parts_make_the_whole(material, scattering):
     torch.testing.assert_close(both.sum(0), tally.total)
     if material == "dielectric":
         torch.testing.assert_close(tally.total + tally.remaining, torch.ones(1, dtype=torch.float64))
+    assert tally.lobes is not None
     energies = tally.lobes.mean.sum((1, 2)) * tally.lobes.bin_sr
     orders = min(3, surface.max_order)
     torch.testing.assert_close(energies[:orders], both[:orders])

@@ -168,8 +168,8 @@ def test_grids_are_linear_between_their_nodes(generator):
     knots = torch.tensor([0.0, 0.5, 2.0], dtype=torch.float64)
 
     def at(x: float, y: float, z: float) -> float:
-        x, y, z = (torch.tensor([v], dtype=torch.float64) for v in (x, y, z))
-        return float(bilinear(grid, x, y, Stack(knots, z)))
+        across, along, up = (torch.tensor([v], dtype=torch.float64) for v in (x, y, z))
+        return float(bilinear(grid, across, along, Stack(knots, up)))
 
     for k, knot in enumerate(knots.tolist()):
         for j in range(4):

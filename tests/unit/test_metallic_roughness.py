@@ -78,7 +78,8 @@ def test_a_smooth_metal_is_white_at_grazing_light(roughness):
     """N·V = 0.15 to 0.05: one bounce by quadrature, and what bounces again along the samples of a rougher metal."""
     alpha = roughness**2
     wi = torch.stack([direction(math.acos(c)) for c in (0.15, 0.1, 0.07, 0.05)])
-    one = quadrature(GGX, wi, *[torch.full((len(wi),), alpha, dtype=torch.float64)] * 2, 112, 32)
+    alphas = torch.full((len(wi),), alpha, dtype=torch.float64)
+    one = quadrature(GGX, wi, alphas, alphas, 112, 32)
     wider = MetallicRoughness([1.0], 1.0, 0.2).double()
     drawn = wider.sample(
         wi, wider.uniforms((), 8 * POINTS, sequence="sobol", generator=torch.Generator().manual_seed(1))
@@ -307,6 +308,7 @@ def test_the_table_is_that_of_the_lobes():
 def test_a_table_of_its_own_dtype():
     """Surfaces share what was read from the file, not the module: one in float64 leaves the others alone."""
     a, b = MetallicRoughness([0.5], 0.5, 0.5).double(), MetallicRoughness([0.5], 0.5, 0.5)
+    assert isinstance(a.scattering, Whitened) and isinstance(b.scattering, Whitened)
     assert a.scattering.table.c_level.dtype == torch.float64 and b.scattering.table.c_level.dtype == torch.float32
 
 

@@ -139,7 +139,7 @@ def test_a_parameter_that_left_its_range(bad, method, pictures):
     alpha, wi, wo = pictures
     surface = RoughConductor(GGX(nn.Parameter(alpha)), Conductor.metal("Cu"), SingleBounce())
     METHODS[method](surface, wi, wo, Stream(1, 2))
-    surface.distribution.alpha.data[2, 3] = MOVED[bad]
+    surface.distribution.get_parameter("alpha").data[2, 3] = MOVED[bad]
     said = r"distribution\.alpha of this RoughConductor must lie in \[0\.001, 2\]; got .* at index \(2, 3\)\."
     with pytest.raises(ValueError, match=said + r".*constrain\(bsdf, 'distribution\.alpha'\).*set_validation\(False\)"):
         METHODS[method](surface, wi, wo, Stream(1, 2))
@@ -158,7 +158,7 @@ def test_the_ends_of_a_range_belong_to_it():
         surface = RoughConductor(GGX(ends), Schlick(torch.tensor([0.0, 1.0], dtype=dtype)), SingleBounce())
         assert surface(wi.to(dtype), wi.to(dtype)).shape == (2, 2)
     surface = RoughConductor(GTR(0.5, 1.0), Schlick(0.5), SingleBounce())
-    surface.distribution.gamma.zero_()
+    surface.distribution.get_buffer("gamma").zero_()
     with pytest.raises(ValueError, match=r"distribution\.gamma .* must lie in \(0, 10\]; got 0"):
         surface(wi, wi)
 

@@ -115,7 +115,8 @@ def test_one_bounce_is_G2(segment, generator):
 def test_escape_and_stay_sum_to_one(segment, generator):
     """Along any directions Σ_k e_k → 1: light leaves sometime. It does so at the first chance to leave upward, too."""
     Lambda = sequences(60, 50, generator)
-    total = sum(normalised(SEGMENTS[segment](), Lambda[:, : k + 1]) * (Lambda[:, k] > 0) for k in range(1, 41))
+    shares = [normalised(SEGMENTS[segment](), Lambda[:, : k + 1]) * (Lambda[:, k] > 0) for k in range(1, 41)]
+    total = torch.stack(shares).sum(0)
     assert (total <= 1 + 1e-12).all()
     assert (total > 1 - 1e-2).double().mean() > 0.9
 

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from cases import ONE_OF_EACH, bsdf, direction, each
@@ -30,7 +31,7 @@ class TwoNumbers(RandomHeight):
         return leg._replace(numbers=(torch.frac(sum(leg.numbers, torch.zeros_like(leg.lam))),))
 
 
-class Counted(Sequence):
+class Counted(Sequence[Tensor]):
     """Random numbers that count how often each was read."""
 
     def __init__(self, numbers: Tensor) -> None:
@@ -39,7 +40,7 @@ class Counted(Sequence):
     def __len__(self) -> int:
         return len(self.numbers)
 
-    def __getitem__(self, i):
+    def __getitem__(self, i: Any) -> Any:
         self.reads[i] += 1
         return self.numbers[i]
 

@@ -157,14 +157,14 @@ def test_background_pixels(dtype, generator):
     """Zero normals, views and lights: zero values, densities and gradients, and neighbours as without them."""
     surface = bsdf("conductor[conductor]", "invariance", max_order=2, dtype=dtype)
     leaves = [directions(6, generator, 0.3, dtype).requires_grad_() for _ in range(3)]
-    whole = shade(surface, *leaves, Stream(2))
+    whole = shade(surface, *leaves, u=Stream(2))
     holes = [w.detach().clone() for w in leaves]
     for i, w in enumerate(holes):
         w[i] = 0.0
         w.requires_grad_()
-    value = shade(surface, *holes, Stream(2))
+    value = shade(surface, *holes, u=Stream(2))
     assert bool((value[:3] == 0).all()) and torch.equal(value[3:], whole[3:])
-    assert bool((sample(surface, *holes[:2], Stream(2)).pdf[:, :2] == 0).all())
+    assert bool((sample(surface, *holes[:2], u=Stream(2)).pdf[:, :2] == 0).all())
     for found, expected in zip(
         torch.autograd.grad(value.sum(), holes), torch.autograd.grad(whole[3:].sum(), leaves), strict=True
     ):

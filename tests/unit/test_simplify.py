@@ -20,8 +20,8 @@ def result(program: Program, columns: list[float]) -> float:
     """The first result for these inputs."""
     values: list[float] = []
     for name, _, arguments in program.operations:
-        taken = [columns[arguments[0]]] if name == "column" else [values[a] for a in arguments]
-        values.append(taken[0] if name == "column" else MEANING[name](*taken))
+        places = [int(a) for a in arguments]
+        values.append(columns[places[0]] if name == "column" else MEANING[name](*(values[i] for i in places)))
     return values[program.results[0]]
 
 

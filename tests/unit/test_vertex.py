@@ -7,7 +7,9 @@ import torch
 from cases import DISTRIBUTIONS, bsdf, direction, directions, each, sides, slow_if_heavy
 from torch import Tensor
 
+from torchms import RoughConductor
 from torchms.maths.frame import Vec3, split
+from torchms.paths.refractive import Refractive
 from torchms.testing import chi_square, estimate, exactly, p_value, sphere_cells, zscore
 
 VERTICES = {"conductor": "conductor[ideal]", "dielectric": "dielectric", "diffuse": "diffuse[white]"}
@@ -49,8 +51,9 @@ def test_density_is_that_of_the_samples(vertex, distribution, view, generator, b
         d = torch.stack(torch.broadcast_tensors(*bounce.d), -1)
         crossed = model.crossed(side, bounce.side)
         if crossed is None:
-            p.append(chi_square(d, lambda x: model.density(at(w, len(x)), split(x)), *resolution))
+            p.append(chi_square(d, lambda x: model.density(at(w, len(x)), split(x), None), *resolution))
             continue
+        assert isinstance(model, Refractive)
         for transmitted in (False, True):
             # Of what is transmitted, `d` is in the frame of the new side, and the density in the frame of the old one.
             chosen = crossed == transmitted
@@ -72,6 +75,7 @@ def test_mirror_is_the_formula(distribution, generator):
     """F(w·h) D(h) / (4 |w_z|), symmetric but for |w_z| on the whole sphere, zero where h points down."""
     surface = bsdf("conductor[schlick]", "single", distribution)
     w, d = directions(500, generator), directions(500, generator)
+    assert isinstance(surface, RoughConductor)
     value = surface.vertex.value(split(w), split(d))
     h = torch.nn.functional.normalize(w + d, dim=-1)
     expected = surface.fresnel((w * h).sum(-1)).T * surface.distribution.D(h) / (4 * w[:, 2].abs())
@@ -85,6 +89,7 @@ def test_mirror_is_the_formula(distribution, generator):
 def test_refraction_is_symmetric_up_to_eta_squared(distribution, generator):
     """|w_z| v(w, d) n_w² = |d_z| v(d, w) n_d² for both ways, sides and signs of the horizon."""
     model = bsdf("dielectric", "single", distribution, (0.9, 0.6)).vertex
+    assert isinstance(model, Refractive)
     w, d = split(directions(2000, generator)), split(directions(2000, generator))
     area = model.distribution.guarded_area
     outside, inside = torch.ones_like(w.z), -torch.ones_like(w.z)

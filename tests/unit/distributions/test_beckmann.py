@@ -152,6 +152,7 @@ def test_onnx_parity(dtype, tolerance, generator):
     ort = pytest.importorskip("onnxruntime", reason="needs onnxruntime (pip install torchms[onnx])")
     module, inputs = Sampler(dtype).eval(), batch(dtype, generator)
     program = torch.onnx.export(module, inputs, dynamo=True, verbose=False)
+    assert program is not None
     session = ort.InferenceSession(program.model_proto.SerializeToString(), providers=["CPUExecutionProvider"])
     outputs = session.run(None, {i.name: x.numpy() for i, x in zip(session.get_inputs(), inputs, strict=True)})
     with torch.no_grad():

@@ -306,7 +306,7 @@ def test_bad_input_says_what_is_wrong(build, message):
 
 def test_fresnel_is_abstract_and_a_model_describes_itself():
     with pytest.raises(TypeError, match="abstract"):
-        Fresnel()
+        Fresnel()  # pyright: ignore[reportAbstractUsage]  # refused
     assert repr(Dielectric(1.5)) == "Dielectric(eta=1.5)"
     assert repr(Conductor(1, 2)) == "Conductor(eta=[1.0], k=[2.0])"
     assert repr(Ideal()) == "Ideal()"

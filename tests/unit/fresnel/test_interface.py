@@ -19,6 +19,10 @@ class ThinFilm(Interface):
     Airy's sum over all reflections inside the film (Born and Wolf, Principles of Optics, 7th ed., section 1.6.4).
     """
 
+    eta: Tensor
+    film: Tensor
+    waves: Tensor
+
     def __init__(self, eta: float, film: float, waves: list[float]) -> None:
         super().__init__()
         self.declare("eta", eta, low=1.0, high=4.0, remedy="")
