@@ -10,6 +10,7 @@ import type { LobeGrid } from "../../geometry/lobe_grid";
 import type { Bounce, Channel, Orders } from "../../numbers/orders";
 import { BOUNCE_COLOURS } from "../../ui/palette";
 import { DECADES } from "../../ui/polar_chart";
+import { Clear } from "./clear";
 
 export interface Shape {
   bounce: Bounce;
@@ -22,12 +23,12 @@ export interface Shape {
 
 const SHELLS = 4;
 
-type Mesh = THREE.Mesh<THREE.BufferGeometry, THREE.MeshStandardMaterial>;
+type Mesh = THREE.Mesh<THREE.BufferGeometry, THREE.MeshPhongMaterial | Clear>;
 
 export class LobeMesh {
   readonly group = new THREE.Group();
   private readonly shells: Mesh[] = Array.from({ length: SHELLS }, (_, i) => {
-    const material = i === 0 ? new THREE.MeshStandardMaterial({ roughness: 0.42 }) : glassy();
+    const material = i === 0 ? new THREE.MeshPhongMaterial({ specular: 0x333333, shininess: 24 }) : new Clear();
     const mesh = new THREE.Mesh(new THREE.BufferGeometry(), material);
     mesh.frustumCulled = false;
     mesh.renderOrder = i;
@@ -63,21 +64,31 @@ export class LobeMesh {
     if (geometry.index?.count !== grid.triangles.length)
       geometry.setIndex(new THREE.BufferAttribute(grid.triangles, 1));
     put(geometry, "position", positions);
-    geometry.computeVertexNormals();
+    put(geometry, "normal", normals(positions, grid.triangles));
   }
 }
 
-/** Clear where it is seen from the front, coloured towards its rim: outer shells let the inner ones be seen. */
-function glassy(): THREE.MeshStandardMaterial {
-  const material = new THREE.MeshStandardMaterial({ roughness: 1, transparent: true, depthWrite: false });
-  material.onBeforeCompile = (shader) => {
-    const rim = "diffuseColor.a *= mix(0.2, 0.95, pow(1.0 - abs(dot(normalize(vViewPosition), normal)), 1.7));";
-    shader.fragmentShader = shader.fragmentShader.replace(
-      "#include <opaque_fragment>",
-      `${rim}\n#include <opaque_fragment>`,
-    );
-  };
-  return material;
+/** Normals at the corners: those of the triangles around each, by their areas. */
+function normals(positions: Float32Array, triangles: Uint32Array): Float32Array {
+  const found = new Float32Array(positions.length);
+  const at = (corner: number, axis: number): number => positions[3 * corner + axis] as number;
+  for (let t = 0; t < triangles.length; t += 3) {
+    const [a, b, c] = [triangles[t] as number, triangles[t + 1] as number, triangles[t + 2] as number];
+    const [ux, uy, uz] = [at(b, 0) - at(a, 0), at(b, 1) - at(a, 1), at(b, 2) - at(a, 2)];
+    const [vx, vy, vz] = [at(c, 0) - at(a, 0), at(c, 1) - at(a, 1), at(c, 2) - at(a, 2)];
+    const [nx, ny, nz] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
+    for (const corner of [a, b, c]) {
+      found[3 * corner] = (found[3 * corner] as number) + nx;
+      found[3 * corner + 1] = (found[3 * corner + 1] as number) + ny;
+      found[3 * corner + 2] = (found[3 * corner + 2] as number) + nz;
+    }
+  }
+  for (let i = 0; i < found.length; i += 3) {
+    const [x, y, z] = [found[i] as number, found[i + 1] as number, found[i + 2] as number];
+    const length = Math.hypot(x, y, z) || 1;
+    [found[i], found[i + 1], found[i + 2]] = [x / length, y / length, z / length];
+  }
+  return found;
 }
 
 /** Distance for a value: in proportion, or the decades below `top`. */
@@ -87,16 +98,17 @@ export function length(value: number, shape: Pick<Shape, "scale" | "top">): numb
   return Math.max(0, 1 + Math.log10(value / shape.top) / DECADES);
 }
 
-/** The core is lit; what is clear shines of itself, so that its colour is that of the legend. */
-function paintFlat(mesh: Mesh, colour: string): void {
-  const { material } = mesh;
-  material.color.set(material.transparent ? "#000000" : colour);
-  material.emissive.set(material.transparent ? colour : "#000000");
-  setVertexColours(mesh, false);
+function paintFlat({ material }: Mesh, colour: string): void {
+  if (material instanceof Clear) material.colour.set(colour);
+  else {
+    material.color.set(colour);
+    setVertexColours(material, false);
+  }
 }
 
 /** The colour of the light itself, as bright as it can be in each direction. */
-function paintOwn(mesh: Mesh, orders: Orders, bounce: Bounce): void {
+function paintOwn({ geometry, material }: Mesh, orders: Orders, bounce: Bounce): void {
+  if (material instanceof Clear) return;
   const colours = new Float32Array(3 * orders.rows);
   for (let row = 0; row < orders.rows; row++) {
     const rgb = (["R", "G", "B"] as const).map((c) => Math.max(0, orders.at(row, bounce, c)));
@@ -106,14 +118,14 @@ function paintOwn(mesh: Mesh, orders: Orders, bounce: Bounce): void {
       3 * row,
     );
   }
-  mesh.material.color.set("#ffffff");
-  put(mesh.geometry, "color", colours);
-  setVertexColours(mesh, true);
+  material.color.set("#ffffff");
+  put(geometry, "color", colours);
+  setVertexColours(material, true);
 }
 
-function setVertexColours(mesh: Mesh, on: boolean): void {
-  if (mesh.material.vertexColors !== on) mesh.material.needsUpdate = true;
-  mesh.material.vertexColors = on;
+function setVertexColours(material: THREE.Material, on: boolean): void {
+  if (material.vertexColors !== on) material.needsUpdate = true;
+  material.vertexColors = on;
 }
 
 function put(geometry: THREE.BufferGeometry, name: string, data: Float32Array): void {

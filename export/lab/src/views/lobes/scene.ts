@@ -2,8 +2,13 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { atFrame } from "../../ui/dom";
 import { themeColour } from "../../ui/palette";
+import { graphics, type Quality } from "./graphics";
 import { label } from "./label";
+
+/** Milliseconds without a picture after which nothing moves. */
+const REST = 160;
 
 export class Stage {
   readonly scene = new THREE.Scene();
@@ -11,13 +16,16 @@ export class Stage {
   readonly renderer: THREE.WebGLRenderer;
   readonly controls: OrbitControls;
   private readonly decor = new THREE.Group();
-  private wanted = false;
+  private readonly quality: Quality;
+  private timer = 0;
   /** Pictures drawn so far. */
   frames = 0;
 
   constructor(readonly canvas: HTMLCanvasElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    const { context, quality } = graphics(canvas);
+    this.quality = quality;
+    this.renderer = new THREE.WebGLRenderer({ canvas, context });
+    this.renderer.setPixelRatio(quality.resting);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.minDistance = 2;
@@ -88,15 +96,18 @@ export class Stage {
     this.draw();
   }
 
-  /** Draws at the next frame, once however often it is asked for. */
-  draw(): void {
-    if (this.wanted) return;
-    this.wanted = true;
-    requestAnimationFrame(() => {
-      this.wanted = false;
-      this.frames++;
-      this.renderer.render(this.scene, this.camera);
-    });
+  /** Draws at the next frame, once however often it is asked for; finer once nothing has moved for a while. */
+  readonly draw = atFrame(() => {
+    this.frames++;
+    this.render(this.quality.moving);
+    window.clearTimeout(this.timer);
+    if (this.quality.moving !== this.quality.resting) this.timer = window.setTimeout(() => this.render(), REST);
+  });
+
+  /** Draws now. */
+  render(ratio = this.quality.resting): void {
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+    this.renderer.render(this.scene, this.camera);
   }
 }
 
