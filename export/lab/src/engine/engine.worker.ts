@@ -38,9 +38,12 @@ async function opened(file: string): Promise<ort.InferenceSession> {
 
 async function serve(job: Job): Promise<void> {
   try {
-    const outputs = await run(await session(job.file), job);
+    const opened = await session(job.file);
+    const start = performance.now();
+    const outputs = await run(opened, job);
+    const ms = performance.now() - start;
     const buffers = Object.values(outputs).map((output) => output.data.buffer as ArrayBuffer);
-    self.postMessage({ id: job.id, outputs } satisfies Answer, { transfer: buffers });
+    self.postMessage({ id: job.id, outputs, ms } satisfies Answer, { transfer: buffers });
   } catch (error) {
     self.postMessage({ id: job.id, error: error instanceof Error ? error.message : String(error) } satisfies Answer);
   }

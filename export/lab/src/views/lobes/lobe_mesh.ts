@@ -69,26 +69,35 @@ export class LobeMesh {
 }
 
 /** Normals at the corners: those of the triangles around each, by their areas. */
-function normals(positions: Float32Array, triangles: Uint32Array): Float32Array {
-  const found = new Float32Array(positions.length);
-  const at = (corner: number, axis: number): number => positions[3 * corner + axis] as number;
+function normals(p: Float32Array, triangles: Uint32Array): Float32Array {
+  const found = new Float32Array(p.length);
   for (let t = 0; t < triangles.length; t += 3) {
-    const [a, b, c] = [triangles[t] as number, triangles[t + 1] as number, triangles[t + 2] as number];
-    const [ux, uy, uz] = [at(b, 0) - at(a, 0), at(b, 1) - at(a, 1), at(b, 2) - at(a, 2)];
-    const [vx, vy, vz] = [at(c, 0) - at(a, 0), at(c, 1) - at(a, 1), at(c, 2) - at(a, 2)];
+    const [a, b, c] = [3 * at(triangles, t), 3 * at(triangles, t + 1), 3 * at(triangles, t + 2)];
+    const [ux, uy, uz] = [at(p, b) - at(p, a), at(p, b + 1) - at(p, a + 1), at(p, b + 2) - at(p, a + 2)];
+    const [vx, vy, vz] = [at(p, c) - at(p, a), at(p, c + 1) - at(p, a + 1), at(p, c + 2) - at(p, a + 2)];
     const [nx, ny, nz] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
-    for (const corner of [a, b, c]) {
-      found[3 * corner] = (found[3 * corner] as number) + nx;
-      found[3 * corner + 1] = (found[3 * corner + 1] as number) + ny;
-      found[3 * corner + 2] = (found[3 * corner + 2] as number) + nz;
-    }
+    add(found, a, nx, ny, nz);
+    add(found, b, nx, ny, nz);
+    add(found, c, nx, ny, nz);
   }
   for (let i = 0; i < found.length; i += 3) {
-    const [x, y, z] = [found[i] as number, found[i + 1] as number, found[i + 2] as number];
-    const length = Math.hypot(x, y, z) || 1;
-    [found[i], found[i + 1], found[i + 2]] = [x / length, y / length, z / length];
+    const [x, y, z] = [at(found, i), at(found, i + 1), at(found, i + 2)];
+    const scale = 1 / (Math.sqrt(x * x + y * y + z * z) || 1);
+    found[i] = x * scale;
+    found[i + 1] = y * scale;
+    found[i + 2] = z * scale;
   }
   return found;
+}
+
+function at(array: Float32Array | Uint32Array, i: number): number {
+  return array[i] as number;
+}
+
+function add(to: Float32Array, i: number, x: number, y: number, z: number): void {
+  to[i] = at(to, i) + x;
+  to[i + 1] = at(to, i + 1) + y;
+  to[i + 2] = at(to, i + 2) + z;
 }
 
 /** Distance for a value: in proportion, or the decades below `top`. */
