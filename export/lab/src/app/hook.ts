@@ -29,6 +29,8 @@ declare global {
       set(change: Partial<State>): void;
       numbers(): Numbers | null;
       counts(): Counts;
+      /** Where the handles of the two directions are on the page [px]. */
+      handles(): [number, number][];
       /** Draws the lobe to its last pixel: how long that took [ms]. */
       picture(): number;
     };
@@ -53,6 +55,7 @@ export function installHook(store: Store, lobes: LobesView, fast: Engine): void 
       };
     },
     counts: () => ({ frames: lobes.stage.stage.frames, updates: lobes.stage.updates, ...fast.spent }),
+    handles: () => lobes.stage.handles.places(),
     picture: () => lobes.stage.stage.timed(),
   };
 }

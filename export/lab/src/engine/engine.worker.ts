@@ -33,7 +33,8 @@ async function opened(file: string): Promise<ort.InferenceSession> {
     if (!answer.ok) throw new Error(`models/${file} is missing`);
     bytes = new Uint8Array(await answer.arrayBuffer());
   }
-  return ort.InferenceSession.create(bytes, { executionProviders: ["wasm"], graphOptimizationLevel: "all" });
+  // More than the basic optimisations take longer to make than they save.
+  return ort.InferenceSession.create(bytes, { executionProviders: ["wasm"], graphOptimizationLevel: "basic" });
 }
 
 async function serve(job: Job): Promise<void> {

@@ -32,7 +32,7 @@ export class StageView {
   readonly element = el("div", { class: "stage" }, this.canvas, this.text);
   readonly stage = new Stage(this.canvas);
   private readonly lobes = [new LobeMesh(), new LobeMesh()] as const;
-  private readonly handles: Handles;
+  readonly handles: Handles;
   private readonly work: Latest<State>;
   private sides: Side[] = [];
   /** Where the lower lobe was highest: its grid is dense there next time. */
