@@ -93,7 +93,8 @@ node-test: $(STAMP)  ## exported files in ONNX Runtime for Node
 	npm ci --ignore-scripts --prefix tests/onnx/node
 	$(PYTEST) tests/onnx/test_outside_python.py
 
-# The evaluators are written once; `python -m export.lab_set --force` writes them anew. A mark says what they were made of.
+# An evaluator is written anew when its numbers change (a retrained network, a table); after changes of the code that matter to it,
+# `python -m export.lab_set --force` writes them all.
 LAB := export/lab
 LAB_MODELS := $(LAB)/public/models/models.json
 
@@ -101,7 +102,6 @@ $(LAB)/node_modules/.package-lock.json: $(LAB)/package.json $(LAB)/package-lock.
 	npm ci --ignore-scripts --no-audit --no-fund --prefix $(LAB)
 
 $(LAB_MODELS): $(STAMP) export/lab_set.py export/diagrams.py $(wildcard torchms/approximations/*.npz)
-	rm -rf $(LAB)/public/models
 	$(BIN)/python -m export.lab_set
 
 lab: $(LAB)/node_modules/.package-lock.json $(LAB_MODELS)  ## the lobe lab, a static folder build/lab; `torchms lab` shows it (the first time about 20 minutes)

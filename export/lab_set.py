@@ -2,13 +2,16 @@
 
     python -m export.lab_set --out export/lab/public/models
 
-A file that is there is kept; `--force` writes all anew.
+A file is kept while it is made of the same numbers, the weights of its networks and its tables, by the same version; the
+list says of which. Other changes of the code are not seen: `--force` writes all anew.
 """
 
+import hashlib
 import json
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,7 +33,7 @@ class Options:
     out: Path = Path("export/lab/public/models")
     """Folder for the files; it is made if it does not exist."""
     only: tuple[str, ...] = ()
-    """Write only files whose names contain one of these; those that are there are listed."""
+    """Write only files whose names contain one of these; others that are there stay as they are."""
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Overwrite files."""
 
@@ -42,6 +45,16 @@ class Item:
     name: str
     about: dict[str, Any]
     make: Callable[[], bytes] = field(repr=False)
+    parts: Callable[[], Iterator[bytes]] = field(repr=False)
+
+    def made_of(self) -> str:
+        """A hash of all that its bytes depend on, but for the code of torchms."""
+        from torchms.version import __version__
+
+        found = hashlib.sha256(json.dumps([self.name, self.about, __version__]).encode())
+        for part in self.parts():
+            found.update(part)
+        return found.hexdigest()[:16]
 
 
 def items() -> Iterator[Item]:
@@ -54,12 +67,10 @@ def items() -> Iterator[Item]:
                 yield evaluator(material, distribution, "single-bounce", "sample")
     yield evaluator("diffuse", "ggx", "single-bounce", "sample")
     for distribution, roughness in ROUGHNESS.items():
-        name = f"masking-{distribution}"
-        yield Item(
-            name, {"what": "G1", "distribution": distribution}, lambda d=distribution, r=roughness: _masking(d, r)
-        )
+        about = {"what": "G1", "distribution": distribution}
+        yield Item(f"masking-{distribution}", about, partial(_masking, distribution, roughness), _diagrams)
     for name in ("caps", "closed-forms"):
-        yield Item(name, {"what": name}, lambda name=name: _diagram(name))
+        yield Item(name, {"what": name}, partial(_diagram, name), _diagrams)
 
 
 def models_of(material: str, distribution: str) -> tuple[str, ...]:
@@ -118,7 +129,25 @@ def evaluator(material: str, distribution: str, model: str, what: str) -> Item:
         paths = None if random or what == "sample" else 1
         return exported(surface(material, distribution, model), what=what, parameters=inputs, n_paths=paths)
 
-    return Item(name, about, make)
+    def parts() -> Iterator[bytes]:
+        yield json.dumps(inputs).encode()
+        yield from numbers(material, distribution, model)
+
+    return Item(name, about, make, parts)
+
+
+def numbers(material: str, distribution: str, model: str) -> Iterator[bytes]:
+    """Names and bytes of the parameters, tables and weights that a file holds."""
+    from torchms.approximations.distilled import FACETS
+    from torchms.parameters.exchange import parameters, weights
+
+    bsdf = surface(material, distribution, model)
+    # Distilled has the lobes of all surfaces, and uses those of this one.
+    own = f".lobes.{type(bsdf.vertex.distribution).__name__} {FACETS[type(bsdf.vertex)]}."
+    tensors = {name: found.value for name, found in parameters(bsdf).items()} | weights(bsdf)
+    for name, tensor in tensors.items():
+        if ".lobes." not in name or own in name:
+            yield name.encode() + tensor.detach().numpy().tobytes()
 
 
 def orders_of(material: str, model: str) -> list[str]:
@@ -143,6 +172,10 @@ def _diagram(name: str) -> bytes:
     return diagram_bytes(caps() if name == "caps" else closed_forms())
 
 
+def _diagrams() -> Iterator[bytes]:
+    yield (Path(__file__).parent / "diagrams.py").read_bytes()
+
+
 def metals() -> dict[str, Any]:
     """eta and k [1] of the measured metals in linear sRGB."""
     from torchms.fresnel.metals import table
@@ -152,23 +185,48 @@ def metals() -> dict[str, Any]:
 
 
 def write(options: Options) -> int:
-    """Write what is missing, then the list; the number of files in it."""
+    """Write what is missing or made of other numbers, and the list; the number of files in it."""
+    from torchms.storage.write import write_whole
+
+    options.out.mkdir(parents=True, exist_ok=True)
+    known = listed(options.out)
+    found: dict[str, dict[str, Any]] = {}
+    for item in items():
+        path, made_of = options.out / f"{item.name}.onnx", item.made_of()
+        wanted = not options.only or any(part in item.name for part in options.only)
+        written = known.get(path.name, {}).get("made_of")
+        if wanted and (options.force or not path.exists() or written != made_of):
+            write_whole(path, item.make(), True)
+            print(f"{path}: {path.stat().st_size} bytes", flush=True)
+            written = made_of
+        if path.exists():
+            found[path.name] = {"file": path.name, "bytes": path.stat().st_size, "made_of": written, **item.about}
+            # After every file: what was made before an interrupt is not made again.
+            write_list(options.out, known | found)
+    for name in known.keys() - found.keys():
+        (options.out / name).unlink(missing_ok=True)
+    write_list(options.out, found)
+    return len(found)
+
+
+def listed(folder: Path) -> dict[str, dict[str, Any]]:
+    """Entries of the list in the folder by the names of their files; none if there is no list that can be read."""
+    from torchms.storage.write import read_json
+
+    try:
+        return {entry["file"]: entry for entry in read_json(folder / "models.json")["models"]}
+    except (OSError, ValueError, KeyError):
+        return {}
+
+
+def write_list(folder: Path, entries: dict[str, dict[str, Any]]) -> None:
+    """What the page reads first."""
     from torchms.storage.write import write_whole
     from torchms.version import __version__
 
-    options.out.mkdir(parents=True, exist_ok=True)
-    listed = []
-    for item in items():
-        path = options.out / f"{item.name}.onnx"
-        wanted = not options.only or any(part in item.name for part in options.only)
-        if wanted and (options.force or not path.exists()):
-            write_whole(path, item.make(), True)
-            print(f"{path}: {path.stat().st_size} bytes", flush=True)
-        if path.exists():
-            listed.append({"file": path.name, "bytes": path.stat().st_size, **item.about})
-    content = {"torchms": __version__, "command": "python -m export.lab_set", "metals": metals(), "models": listed}
-    write_whole(options.out / "models.json", json.dumps(content, indent=1, ensure_ascii=False).encode(), True)
-    return len(listed)
+    command = "python -m export.lab_set"
+    content = {"torchms": __version__, "command": command, "metals": metals(), "models": [*entries.values()]}
+    write_whole(folder / "models.json", json.dumps(content, indent=1, ensure_ascii=False).encode(), True)
 
 
 def main() -> int:
@@ -179,7 +237,7 @@ def main() -> int:
     def run() -> None:
         print(f"{write(options)} files in {options.out}.")
 
-    return exit_code("export", run, "the files that are there are whole, and are kept next time.")
+    return exit_code("export", run, "files that were written are whole, and are kept next time.")
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ export function executable() {
   return places.find((path) => path && existsSync(path)) ?? null;
 }
 
+// Where there is no graphics processor only WebGL is left to SwiftShader: it would take a tenth of a second for the page itself.
 const FLAGS = [
   "--no-sandbox",
   "--disable-quic",
@@ -49,8 +50,6 @@ const FLAGS = [
   "--disable-background-networking",
   "--disable-component-update",
   "--disable-sync",
-  "--use-gl=angle",
-  "--use-angle=swiftshader",
   "--enable-unsafe-swiftshader",
 ];
 

@@ -53,7 +53,8 @@ async function start(app: HTMLElement): Promise<void> {
   const store = new Store(decode(location.hash));
   const { element: alert, complain } = notice();
   const manifest = await loadManifest();
-  const context: Context = { store, manifest, fast: new Engine(), slow: new Engine(), complain };
+  const fast = new Engine();
+  const context: Context = { store, manifest, fast, slow: new Engine(fast.ready), complain };
   let restyle = (): void => undefined;
   followTheme(store, () => restyle());
   const lobes = new LobesView(context);
@@ -84,7 +85,7 @@ async function start(app: HTMLElement): Promise<void> {
     lobes.restyle();
     for (const view of Object.values(views)) if (view !== lobes) view.redraw(store.state);
   };
-  installHook(store, lobes);
+  installHook(store, lobes, fast);
   show(store.state);
   views[store.state.view].update(store.state);
 }

@@ -25,7 +25,8 @@ export interface Task {
   pass: number;
 }
 
-/** Calls `show` after every pass, until `state.paths` are averaged or the task is stale. */
+/** Calls `show` after every pass, until `state.paths` are averaged or the task is stale. The first pass is shown even then:
+ * under a hand that does not rest, the picture is one answer behind instead of standing still. */
 export async function follow(task: Task, stale: () => boolean, show: (now: Followed) => void): Promise<void> {
   const { engine, manifest, state, entries, wo } = task;
   const wi = packed([incidence(state)]);
@@ -38,14 +39,14 @@ export async function follow(task: Task, stale: () => boolean, show: (now: Follo
       if (pass > 1 && !entry.random) continue;
       const random = entry.random ? { random: { seed: pass, paths: more } } : {};
       const found = await lobe(engine, { entry, ...shared, ...random });
-      if (stale()) return;
+      if (pass > 1 && stale()) return;
       const before = lobes.get(entry.model ?? "");
       lobes.set(entry.model ?? "", before ? mean(before, paths, found, more) : found);
     }
     paths += more;
-    const done = paths >= state.paths || !entries.some((entry) => entry.random);
+    const done = !stale() && (paths >= state.paths || !entries.some((entry) => entry.random));
     show({ lobes, paths, done });
-    if (done) return;
+    if (done || stale()) return;
   }
 }
 

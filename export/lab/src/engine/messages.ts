@@ -30,4 +30,5 @@ export interface Output {
   dims: readonly number[];
 }
 
-export type Answer = { id: number; outputs: Record<string, Output> } | { id: number; error: string };
+/** `ms`: how long the evaluator ran. */
+export type Answer = { id: number; outputs: Record<string, Output>; ms: number } | { id: number; error: string };

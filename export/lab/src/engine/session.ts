@@ -1,11 +1,11 @@
-/** One exported file in ONNX Runtime: named inputs to named outputs, in blocks that stay in the cache. */
+/** One exported file in ONNX Runtime: named inputs to named outputs, block after block. */
 
 import * as ort from "onnxruntime-web/wasm";
 import { lattice, turned, uniforms } from "../numbers/sequences";
 import type { Job, Output, Random } from "./messages";
 
-/** Rows of a block: intermediate tensors of that many rows stay in the second-level cache. */
-const BLOCK = 1024;
+/** Rows of a block: a run costs one to five milliseconds however few they are, and more rows leave the cache. */
+const BLOCK = 4096;
 
 export async function run(session: ort.InferenceSession, job: Job): Promise<Record<string, Output>> {
   const parts: ort.InferenceSession.OnnxValueMapType[] = [];

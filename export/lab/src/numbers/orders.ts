@@ -18,38 +18,48 @@ export class Orders {
     }
   }
 
-  /** Value of one row: the bounces with these indices added, in this channel. */
-  private added(row: number, from: number, to: number, channel: Channel): number {
+  /** Weight of each channel in this one. */
+  private weights(channel: Channel): readonly number[] {
+    if (this.channels === 1) return [1];
+    return channel === "Y" ? LUMINANCE : [..."RGB"].map((name) => (name === channel ? 1 : 0));
+  }
+
+  /** The first bounce and the one after the last that a name stands for; null where the model does not tell it apart. */
+  private span(bounce: Bounce): readonly [number, number] | null {
+    const n = this.labels.length;
+    if (bounce === "all") return [0, n];
+    if (bounce === "2+") return [1, n];
+    const index = this.labels.indexOf(bounce);
+    return index < 0 ? null : [index, index + 1];
+  }
+
+  /** Value of one row: these bounces added, in this channel. */
+  private added(row: number, [from, to]: readonly [number, number], weights: readonly number[]): number {
     let sum = 0;
     for (let b = from; b < to; b++) {
       const at = (row * this.labels.length + b) * this.channels;
-      for (let c = 0; c < this.channels; c++) sum += this.weight(c, channel) * (this.data[at + c] ?? 0);
+      for (let c = 0; c < this.channels; c++) sum += (weights[c] ?? 0) * (this.data[at + c] ?? 0);
     }
     return sum;
   }
 
-  private weight(c: number, channel: Channel): number {
-    if (this.channels === 1) return 1;
-    return channel === "Y" ? (LUMINANCE[c] ?? 0) : "RGB".indexOf(channel) === c ? 1 : 0;
-  }
-
   /** Whether this model tells the bounce apart from others. */
   has(bounce: Bounce): boolean {
-    return bounce === "all" || bounce === "2+" || this.labels.includes(bounce);
+    return this.span(bounce) !== null;
   }
 
   /** Value of a row for a bounce; NaN where the model does not tell it apart. */
   at(row: number, bounce: Bounce, channel: Channel): number {
-    const n = this.labels.length;
-    if (bounce === "all") return this.added(row, 0, n, channel);
-    if (bounce === "2+") return this.added(row, 1, n, channel);
-    const index = this.labels.indexOf(bounce);
-    return index < 0 ? NaN : this.added(row, index, index + 1, channel);
+    const span = this.span(bounce);
+    return span ? this.added(row, span, this.weights(channel)) : NaN;
   }
 
   /** All rows of a bounce. */
   column(bounce: Bounce, channel: Channel): Float64Array {
-    return Float64Array.from({ length: this.rows }, (_, row) => this.at(row, bounce, channel));
+    const found = new Float64Array(this.rows).fill(NaN);
+    const [span, weights] = [this.span(bounce), this.weights(channel)];
+    if (span) for (let row = 0; row < this.rows; row++) found[row] = this.added(row, span, weights);
+    return found;
   }
 
   /** Rows from `start` on, `n` of them. */

@@ -36,6 +36,19 @@ export function paint(
   draw(context, width, height);
 }
 
+/** `draw` at the next picture of the screen, once however often it is asked for meanwhile. */
+export function atFrame(draw: () => void): () => void {
+  let wanted = false;
+  return () => {
+    if (wanted) return;
+    wanted = true;
+    requestAnimationFrame(() => {
+      wanted = false;
+      draw();
+    });
+  };
+}
+
 /** Calls `change` when the size of an element does. */
 export function onResize(element: HTMLElement, change: () => void): void {
   new ResizeObserver(() => requestAnimationFrame(change)).observe(element);

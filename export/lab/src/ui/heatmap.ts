@@ -17,7 +17,8 @@ export function raster(
   for (let i = 0; i < width * height; i++) {
     const value = values[i] ?? NaN;
     if (Number.isNaN(value)) continue;
-    image.data.set([...colour(value), 255], 4 * i);
+    const [r, g, b] = colour(value);
+    [image.data[4 * i], image.data[4 * i + 1], image.data[4 * i + 2], image.data[4 * i + 3]] = [r, g, b, 255];
   }
   context.putImageData(image, 0, 0);
   return canvas;
@@ -31,10 +32,10 @@ export function colourBar(
   labels: readonly [string, string, string],
   ink: string,
 ): void {
-  for (let i = 0; i < box.width; i++) {
-    context.fillStyle = `rgb(${colour(i / (box.width - 1)).join(" ")})`;
-    context.fillRect(box.x + i, box.y, 1.5, box.height);
-  }
+  const run = context.createLinearGradient(box.x, 0, box.x + box.width, 0);
+  for (let t = 0; t <= 1; t += 1 / 16) run.addColorStop(t, `rgb(${colour(t).join(" ")})`);
+  context.fillStyle = run;
+  context.fillRect(box.x, box.y, box.width, box.height);
   context.fillStyle = ink;
   context.font = "11px system-ui, sans-serif";
   context.textBaseline = "top";

@@ -42,9 +42,16 @@ export function modelStyle(model: string): ModelStyle {
   return { ...known, colour: known.colour === "var-ink" ? themeColour("--ink") : known.colour };
 }
 
+/** Colours of the theme that were looked up: to ask the style sheet costs a new layout of the page. */
+const known = new Map<string, string>();
+
 /** A colour of the theme, as the style sheet has it now. */
 export function themeColour(name: string): string {
-  return getComputedStyle(document.documentElement).getPropertyValue(name).trim() || "#888";
+  const root = document.documentElement;
+  const key = `${root.dataset["theme"]} ${name}`;
+  const colour = known.get(key) ?? (getComputedStyle(root).getPropertyValue(name).trim() || "#888");
+  known.set(key, colour);
+  return colour;
 }
 
 /** Whether dark letters are the readable ones on a colour "#rrggbb" (luminance as WCAG 2 has it). */
@@ -94,9 +101,14 @@ const ORANGE: RGB[] = [
 export const cividis = (t: number): RGB => ramp(CIVIDIS, t);
 export const viridis = (t: number): RGB => ramp(VIRIDIS, t);
 
+const STEPS = 128;
+const DIVERGING = Array.from({ length: 2 * STEPS + 1 }, (_, i) =>
+  i < STEPS ? ramp(BLUE, i / STEPS) : ramp(ORANGE, i / STEPS - 1),
+);
+
 /** Blue for −1, white for 0, orange for 1. */
 export function diverging(t: number): RGB {
-  return t < 0 ? ramp(BLUE, 1 + t) : ramp(ORANGE, t);
+  return DIVERGING[Math.round(STEPS * (1 + Math.max(-1, Math.min(1, t))))] as RGB;
 }
 
 export function hexToRgb(hex: string): RGB {

@@ -38,12 +38,13 @@ export class LiveEnergy {
       const at = await nodes(slow, manifest, state, n);
       const of = new Map<string, Energy>();
       for (const entry of entries) {
-        if (stale()) return;
+        // The coarse ones are shown while a hand moves.
+        if (n === FINE && stale()) return;
         of.set(entry.model ?? "", await energy(slow, manifest, state, entry, at, 1));
       }
-      if (stale()) return;
       const exact = entries.filter((entry) => entry.random);
-      this.show({ of, nodes: n, passes: 1, settled: n === FINE && exact.length === 0 });
+      this.show({ of, nodes: n, passes: 1, settled: n === FINE && exact.length === 0 && !stale() });
+      if (stale()) return;
       if (n === FINE && exact.length > 0) await this.refine(state, exact, at, of, stale);
     }
   }

@@ -42,6 +42,7 @@ export class SpheresView {
     for (const canvas of this.canvases) {
       const part = (event: PointerEvent): void => {
         if (event.type === "pointermove" && event.buttons === 0) return;
+        if (event.type === "pointerdown") canvas.setPointerCapture(event.pointerId);
         const box = canvas.getBoundingClientRect();
         store.set({ split: Math.max(0, Math.min(1, (event.clientX - box.left) / box.width)) });
       };

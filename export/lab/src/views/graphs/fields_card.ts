@@ -27,7 +27,12 @@ export class FieldsCard {
   constructor(private readonly context: Context) {
     const grid = el("div", { class: "panels six" }, ...this.canvases);
     this.card.body.append(grid, this.reading);
-    this.canvases.forEach((canvas, i) => canvas.addEventListener("pointermove", (event) => this.read(event, i)));
+    this.canvases.forEach((canvas, i) => {
+      // A finger that does not move says nothing but that it is there.
+      for (const kind of ["pointerdown", "pointermove"] as const) {
+        canvas.addEventListener(kind, (event) => this.read(event, i));
+      }
+    });
     onResize(grid, () => this.redraw());
   }
 

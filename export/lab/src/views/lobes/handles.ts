@@ -81,6 +81,15 @@ export class Handles {
     this.stage.draw();
   }
 
+  /** Where the light's handle and the other one are on the page [px]. */
+  places(): [number, number][] {
+    const box = this.stage.canvas.getBoundingClientRect();
+    return this.handles.map(({ ball }) => {
+      const { x, y } = ball.position.clone().project(this.stage.camera);
+      return [box.left + ((1 + x) / 2) * box.width, box.top + ((1 - y) / 2) * box.height];
+    });
+  }
+
   private aim(event: PointerEvent): void {
     const box = this.stage.canvas.getBoundingClientRect();
     const x = (2 * (event.clientX - box.left)) / box.width - 1;

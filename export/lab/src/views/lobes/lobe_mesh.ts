@@ -10,6 +10,7 @@ import type { LobeGrid } from "../../geometry/lobe_grid";
 import type { Bounce, Channel, Orders } from "../../numbers/orders";
 import { BOUNCE_COLOURS } from "../../ui/palette";
 import { DECADES } from "../../ui/polar_chart";
+import { Clear } from "./clear";
 
 export interface Shape {
   bounce: Bounce;
@@ -22,12 +23,12 @@ export interface Shape {
 
 const SHELLS = 4;
 
-type Mesh = THREE.Mesh<THREE.BufferGeometry, THREE.MeshStandardMaterial>;
+type Mesh = THREE.Mesh<THREE.BufferGeometry, THREE.MeshPhongMaterial | Clear>;
 
 export class LobeMesh {
   readonly group = new THREE.Group();
   private readonly shells: Mesh[] = Array.from({ length: SHELLS }, (_, i) => {
-    const material = i === 0 ? new THREE.MeshStandardMaterial({ roughness: 0.42 }) : glassy();
+    const material = i === 0 ? new THREE.MeshPhongMaterial({ specular: 0x333333, shininess: 24 }) : new Clear();
     const mesh = new THREE.Mesh(new THREE.BufferGeometry(), material);
     mesh.frustumCulled = false;
     mesh.renderOrder = i;
@@ -63,21 +64,40 @@ export class LobeMesh {
     if (geometry.index?.count !== grid.triangles.length)
       geometry.setIndex(new THREE.BufferAttribute(grid.triangles, 1));
     put(geometry, "position", positions);
-    geometry.computeVertexNormals();
+    put(geometry, "normal", normals(positions, grid.triangles));
   }
 }
 
-/** Clear where it is seen from the front, coloured towards its rim: outer shells let the inner ones be seen. */
-function glassy(): THREE.MeshStandardMaterial {
-  const material = new THREE.MeshStandardMaterial({ roughness: 1, transparent: true, depthWrite: false });
-  material.onBeforeCompile = (shader) => {
-    const rim = "diffuseColor.a *= mix(0.2, 0.95, pow(1.0 - abs(dot(normalize(vViewPosition), normal)), 1.7));";
-    shader.fragmentShader = shader.fragmentShader.replace(
-      "#include <opaque_fragment>",
-      `${rim}\n#include <opaque_fragment>`,
-    );
-  };
-  return material;
+/** Normals at the corners: those of the triangles around each, by their areas. */
+function normals(p: Float32Array, triangles: Uint32Array): Float32Array {
+  const found = new Float32Array(p.length);
+  for (let t = 0; t < triangles.length; t += 3) {
+    const [a, b, c] = [3 * at(triangles, t), 3 * at(triangles, t + 1), 3 * at(triangles, t + 2)];
+    const [ux, uy, uz] = [at(p, b) - at(p, a), at(p, b + 1) - at(p, a + 1), at(p, b + 2) - at(p, a + 2)];
+    const [vx, vy, vz] = [at(p, c) - at(p, a), at(p, c + 1) - at(p, a + 1), at(p, c + 2) - at(p, a + 2)];
+    const [nx, ny, nz] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
+    add(found, a, nx, ny, nz);
+    add(found, b, nx, ny, nz);
+    add(found, c, nx, ny, nz);
+  }
+  for (let i = 0; i < found.length; i += 3) {
+    const [x, y, z] = [at(found, i), at(found, i + 1), at(found, i + 2)];
+    const scale = 1 / (Math.sqrt(x * x + y * y + z * z) || 1);
+    found[i] = x * scale;
+    found[i + 1] = y * scale;
+    found[i + 2] = z * scale;
+  }
+  return found;
+}
+
+function at(array: Float32Array | Uint32Array, i: number): number {
+  return array[i] as number;
+}
+
+function add(to: Float32Array, i: number, x: number, y: number, z: number): void {
+  to[i] = at(to, i) + x;
+  to[i + 1] = at(to, i + 1) + y;
+  to[i + 2] = at(to, i + 2) + z;
 }
 
 /** Distance for a value: in proportion, or the decades below `top`. */
@@ -87,16 +107,17 @@ export function length(value: number, shape: Pick<Shape, "scale" | "top">): numb
   return Math.max(0, 1 + Math.log10(value / shape.top) / DECADES);
 }
 
-/** The core is lit; what is clear shines of itself, so that its colour is that of the legend. */
-function paintFlat(mesh: Mesh, colour: string): void {
-  const { material } = mesh;
-  material.color.set(material.transparent ? "#000000" : colour);
-  material.emissive.set(material.transparent ? colour : "#000000");
-  setVertexColours(mesh, false);
+function paintFlat({ material }: Mesh, colour: string): void {
+  if (material instanceof Clear) material.colour.set(colour);
+  else {
+    material.color.set(colour);
+    setVertexColours(material, false);
+  }
 }
 
 /** The colour of the light itself, as bright as it can be in each direction. */
-function paintOwn(mesh: Mesh, orders: Orders, bounce: Bounce): void {
+function paintOwn({ geometry, material }: Mesh, orders: Orders, bounce: Bounce): void {
+  if (material instanceof Clear) return;
   const colours = new Float32Array(3 * orders.rows);
   for (let row = 0; row < orders.rows; row++) {
     const rgb = (["R", "G", "B"] as const).map((c) => Math.max(0, orders.at(row, bounce, c)));
@@ -106,14 +127,14 @@ function paintOwn(mesh: Mesh, orders: Orders, bounce: Bounce): void {
       3 * row,
     );
   }
-  mesh.material.color.set("#ffffff");
-  put(mesh.geometry, "color", colours);
-  setVertexColours(mesh, true);
+  material.color.set("#ffffff");
+  put(geometry, "color", colours);
+  setVertexColours(material, true);
 }
 
-function setVertexColours(mesh: Mesh, on: boolean): void {
-  if (mesh.material.vertexColors !== on) mesh.material.needsUpdate = true;
-  mesh.material.vertexColors = on;
+function setVertexColours(material: THREE.Material, on: boolean): void {
+  if (material.vertexColors !== on) material.needsUpdate = true;
+  material.vertexColors = on;
 }
 
 function put(geometry: THREE.BufferGeometry, name: string, data: Float32Array): void {

@@ -47,6 +47,8 @@ export class LobesView implements View {
   }
 
   canvases(): HTMLCanvasElement[] {
+    // What WebGL drew is kept until the page is shown, and not longer.
+    this.stage.stage.render();
     return [this.stage.canvas, this.plane.canvas, this.map.canvas];
   }
 }

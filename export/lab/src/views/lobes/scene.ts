@@ -2,8 +2,14 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { direction } from "../../geometry/directions";
+import { atFrame } from "../../ui/dom";
 import { themeColour } from "../../ui/palette";
+import { graphics, type Quality } from "./graphics";
 import { label } from "./label";
+
+/** Milliseconds without a picture after which nothing moves. */
+const REST = 160;
 
 export class Stage {
   readonly scene = new THREE.Scene();
@@ -11,13 +17,16 @@ export class Stage {
   readonly renderer: THREE.WebGLRenderer;
   readonly controls: OrbitControls;
   private readonly decor = new THREE.Group();
-  private wanted = false;
+  private readonly quality: Quality;
+  private timer = 0;
   /** Pictures drawn so far. */
   frames = 0;
 
   constructor(readonly canvas: HTMLCanvasElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    const { context, quality } = graphics(canvas);
+    this.quality = quality;
+    this.renderer = new THREE.WebGLRenderer({ canvas, context });
+    this.renderer.setPixelRatio(quality.resting);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.minDistance = 2;
@@ -36,6 +45,19 @@ export class Stage {
     else this.camera.position.set(1.5, -3.7, 1.75);
     this.controls.target.set(0, 0, both ? 0 : 0.36);
     this.controls.update();
+  }
+
+  /** Turns the camera about the target by angles [rad], and brings it nearer by a factor. */
+  turn(around: number, up: number, nearer = 1): void {
+    const { target, minDistance, maxDistance } = this.controls;
+    const [x, y, z] = this.camera.position.clone().sub(target).toArray();
+    const distance = Math.max(minDistance, Math.min(maxDistance, Math.hypot(x, y, z) * nearer));
+    const polar = Math.max(0.05, Math.min(Math.PI - 0.05, Math.atan2(Math.hypot(x, y), z) - up));
+    const azimuth = Math.atan2(y, x) + around;
+    this.camera.position.set(...direction(polar, azimuth)).multiplyScalar(distance);
+    this.camera.position.add(target);
+    this.controls.update();
+    this.draw();
   }
 
   private addLights(): void {
@@ -88,15 +110,27 @@ export class Stage {
     this.draw();
   }
 
-  /** Draws at the next frame, once however often it is asked for. */
-  draw(): void {
-    if (this.wanted) return;
-    this.wanted = true;
-    requestAnimationFrame(() => {
-      this.wanted = false;
-      this.frames++;
-      this.renderer.render(this.scene, this.camera);
-    });
+  /** Draws at the next frame, once however often it is asked for; finer once nothing has moved for a while. */
+  readonly draw = atFrame(() => {
+    this.frames++;
+    this.render(this.quality.moving);
+    window.clearTimeout(this.timer);
+    if (this.quality.moving !== this.quality.resting) this.timer = window.setTimeout(() => this.render(), REST);
+  });
+
+  /** Milliseconds of a picture as it is drawn while something moves, to its last pixel. */
+  timed(): number {
+    const context = this.renderer.getContext();
+    const start = performance.now();
+    this.render(this.quality.moving);
+    context.readPixels(0, 0, 1, 1, context.RGBA, context.UNSIGNED_BYTE, new Uint8Array(4));
+    return performance.now() - start;
+  }
+
+  /** Draws now. */
+  render(ratio = this.quality.resting): void {
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+    this.renderer.render(this.scene, this.camera);
   }
 }
 

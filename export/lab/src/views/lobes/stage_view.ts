@@ -18,18 +18,21 @@ import { Stage } from "./scene";
 
 const [RINGS, SPOKES] = [28, 48];
 
+const KEYS =
+  "The lobe in 3-D. Arrow keys turn the light, with Shift the direction of the numbers; A, D, W, S turn the camera, + and − move it";
+
 interface Side {
   grid: LobeGrid;
   orders: Orders;
 }
 
 export class StageView {
-  readonly canvas = el("canvas", { tabindex: 0, role: "img", id: "stage", "aria-label": "The lobe in 3-D" });
+  readonly canvas = el("canvas", { tabindex: 0, role: "img", id: "stage", "aria-label": KEYS });
   readonly text = el("p", { class: "over", role: "status", "aria-live": "polite" });
   readonly element = el("div", { class: "stage" }, this.canvas, this.text);
   readonly stage = new Stage(this.canvas);
   private readonly lobes = [new LobeMesh(), new LobeMesh()] as const;
-  private readonly handles: Handles;
+  readonly handles: Handles;
   private readonly work: Latest<State>;
   private sides: Side[] = [];
   /** Where the lower lobe was highest: its grid is dense there next time. */
@@ -130,8 +133,23 @@ export class StageView {
     return [own, lobeGrid(pole, side > 0 ? -1 : 1, alpha, RINGS, SPOKES)];
   }
 
-  /** Arrow keys turn the light; with Shift the direction of the numbers. */
+  /** Arrow keys turn the light, with Shift the direction of the numbers; A, D, W and S turn the camera, + and − move it. */
   private key(event: KeyboardEvent): void {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const camera: Record<string, [number, number, number]> = {
+      a: [-0.1, 0, 1],
+      d: [0.1, 0, 1],
+      w: [0, 0.1, 1],
+      s: [0, -0.1, 1],
+      "+": [0, 0, 0.9],
+      "-": [0, 0, 1 / 0.9],
+    };
+    const turn = camera[event.key.toLowerCase()];
+    if (turn) {
+      event.preventDefault();
+      this.stage.turn(...turn);
+      return;
+    }
     const step: Record<string, [number, number]> = {
       ArrowUp: [-1, 0],
       ArrowDown: [1, 0],
