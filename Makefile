@@ -61,7 +61,7 @@ layered: $(STAMP)  ## the table of MetallicRoughness, after make distil: ten sec
 distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the package: metal about half an hour on two idle cores, then glass and diffuse facets
 	$(BIN)/python -m torchms.approximations.distil --distribution GGX --blocks 48 --force --out torchms/approximations/distilled_ggx_metal.npz
 	$(BIN)/python -m torchms.approximations.distil --distribution Beckmann --force --out torchms/approximations/distilled_beckmann_metal.npz
-	$(BIN)/python -m torchms.approximations.distil.glass --distribution GGX --force --outs torchms/approximations/distilled_ggx_reflected.npz torchms/approximations/distilled_ggx_transmitted.npz
+	$(BIN)/python -m torchms.approximations.distil.glass --distribution GGX --blocks 12 --widths 36 28 --each 16 --cells 3072 --force --outs torchms/approximations/distilled_ggx_reflected.npz torchms/approximations/distilled_ggx_transmitted.npz
 	$(BIN)/python -m torchms.approximations.distil.glass --distribution Beckmann --force --outs torchms/approximations/distilled_beckmann_reflected.npz torchms/approximations/distilled_beckmann_transmitted.npz
 	$(BIN)/python -m torchms.approximations.distil.diffuse --distribution GGX --force --out torchms/approximations/distilled_ggx_diffuse.npz
 	$(BIN)/python -m torchms.approximations.distil.diffuse --distribution Beckmann --force --out torchms/approximations/distilled_beckmann_diffuse.npz
