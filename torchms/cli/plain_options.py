@@ -86,8 +86,8 @@ class DistilOptions:
     """Folder of blocks of light and of checkpoints."""
     paths: str | int | float = "8e6"
     """Light paths to learn from."""
-    steps: int = 40
-    """Newton steps on the likelihood."""
+    steps: int = 3000
+    """Adam's steps on the likelihood."""
     held_out: str | int | float = "2.5e5"
     """Light paths of each of 13 directions of incidence to be compared with."""
     seed: int = 1

@@ -42,13 +42,13 @@ class Options:
     """The file."""
     work: Path = Path("build/distil/gaussian")
     """Folder of blocks of light and of checkpoints."""
-    blocks: int = 48
+    blocks: int = 128
     """Tiles of a million texels, each with 131 072 paths."""
-    steps: int = 24
-    """Newton steps on the likelihood."""
-    widths: tuple[int, ...] = (16, 12)
+    steps: int = 5000
+    """Adam's steps on the likelihood."""
+    widths: tuple[int, ...] = (32, 24)
     """Units of the hidden layers; cost and accuracy follow them."""
-    each: tuple[int, ...] = (8,)
+    each: tuple[int, ...] = (16,)
     """Units of the hidden layers of the network of each direction."""
     seed: int = 100
     """Seed of everything."""

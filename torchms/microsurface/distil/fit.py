@@ -21,14 +21,12 @@ from torchms.microsurface.distil.light import RAYS, Light
 from torchms.microsurface.distil.networks import Correction, Folded
 from torchms.sampling.uniforms import draw, generator_for
 
-URGENT = (1.0, 1.0, 2.0, 4.0)
-"""Weights of the orders' likelihoods: the rare ones would hardly be heard."""
 OTHERS = 1 << 18
 """Paths that the other outputs are fitted to."""
 OTHER_STEPS = 60
 TAIL = 0.003
 CHUNK = 8192
-POINTS = 128
+POINTS = 32
 """Directions out for each direction in, over which integrals are summed."""
 
 
@@ -50,16 +48,15 @@ def learned(
     """Networks of the pair and of each direction, for features as they are."""
     inputs, m = subject.inputs(light.rows), len(light.where.ax)
     model = Correction(*sizes, inputs)
-    urgent, index = torch.tensor(URGENT), light.order.clamp_max(ORDERS) - 1
-    weight = light.weight * urgent[index] / (m * RAYS)
+    index, weight = light.order.clamp_max(ORDERS) - 1, light.weight / RAYS
     paths = likelihood.Paths(model.standardised(inputs), index, weight, light.first)
     rows, inverse = answers(light.where, seed + 5)
-    smith = subject.smith(rows) * (urgent * inverse[:, None] / len(inverse))
+    smith = subject.smith(rows) * (inverse[:, None] / POINTS)
     points = likelihood.Points(model.standardised(subject.inputs(rows)), smith, POINTS)
     vector = model.initial(generator_for(seed + 1))
-    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}.npz"
+    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}-{steps}.npz"
     with progress_bar("likelihood", steps) as advance:
-        vector = likelihood.fitted(model, vector, paths, points, steps, seed + 2, kept, advance)
+        vector = likelihood.fitted(model, vector, paths, points, steps, kept, advance)
     with progress_bar("other outputs", OTHER_STEPS) as advance:
         others = other_outputs(model, vector, paths.inputs, light, advance)
     pair, each = model.folded(vector)

@@ -43,16 +43,6 @@ class Correction:
         found = self.pair.outputs(pair, inputs.pair)
         return found + (self.each.outputs(each, inputs.one) + self.each.outputs(each, inputs.other))
 
-    def derivatives(self, vector: Tensor, inputs: Inputs, which: Tensor) -> Tensor:
-        """d c_k / d vector (n, length), k = which[n] for each row."""
-        pair, each = self.parts(vector)
-        chosen = torch.nn.functional.one_hot(which, ORDERS).to(vector.dtype)
-        columns = [self.pair.derivatives(pair, self.pair.traced(pair, inputs.pair), chosen)]
-        one, other = (
-            self.each.derivatives(each, self.each.traced(each, x), chosen) for x in (inputs.one, inputs.other)
-        )
-        return torch.cat([*columns, one + other], 1)
-
     def folded(self, vector: Tensor) -> tuple[Folded, Folded]:
         """Both networks for features as they are."""
         pair, each = self.parts(vector)

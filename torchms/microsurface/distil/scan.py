@@ -41,9 +41,9 @@ class Effort:
     """How much light, and how long it is learned from."""
 
     blocks: int = 64
-    steps: int = 24
-    widths: tuple[int, ...] = (16, 12)
-    each: tuple[int, ...] = (8,)
+    steps: int = 3000
+    widths: tuple[int, ...] = (32, 24)
+    each: tuple[int, ...] = (16,)
     seed: int = 1
     held_out: int = 1 << 17
     threads: int | None = None
