@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 import torch
 
-from torchms import Beckmann, Distilled, RoughConductor
+from torchms import Beckmann, Distilled, RoughConductor, RoughDiffuse
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil import adam_state
 from torchms.approximations.distil.rows import Rows, surfaces
 from torchms.approximations.distil.training import inputs_of
-from torchms.approximations.distilled import NETWORKS
-from torchms.approximations.surface_lobes import ORDERS, SurfaceLobes, of_smith
+from torchms.approximations.distilled_networks import NETWORKS
+from torchms.approximations.surface_correction import ORDERS
+from torchms.approximations.surface_lobes import SurfaceLobes, of_smith
 from torchms.cli import main
 from torchms.fresnel import Ideal
 from torchms.maths.frame import split
 from torchms.microsurface import GridTracer, Heightfield, MirrorFacets, simulate
 from torchms.microsurface.distil import fit, held_out, light, likelihood, scan
+from torchms.microsurface.distil.kinds import KINDS
 from torchms.microsurface.distil.networks import Correction
-from torchms.microsurface.distil.smith import beckmann, smith_orders
+from torchms.microsurface.distil.smith import beckmann, smith_diffuse, smith_orders
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster
 from torchms.microsurface.simulation.exits import exits, stretched
@@ -118,12 +120,17 @@ def test_what_a_furnace_is_off_by_has_no_noise(generator):
         assert float(found[0] - found[1]) == pytest.approx(cost, abs=1e-5)
 
 
+def folded(model: Correction, vector: torch.Tensor, outputs: int) -> tuple[list, torch.Tensor, tuple]:
+    """Layers, linear part and network of each direction, with `outputs` more that are 0."""
+    pair, each = model.folded(vector)
+    zeros = torch.zeros(outputs, pair[0][-1][0].shape[1]), torch.zeros(outputs), torch.zeros(outputs, len(model.mean))
+    return *fit.joined(pair, model, zeros), each
+
+
 def test_what_was_learned_is_what_runs(generator):
     """The networks of a file are the corrections of the vector that they were folded from, exchanged directions too."""
     model, rows, vector = correction(generator)
-    pair, each = model.folded(vector)
-    zero = torch.zeros(4, pair[0][-1][0].shape[1]), torch.zeros(4), torch.zeros(4, len(model.mean))
-    layers, skip = fit.joined(pair, model, zero)
+    layers, skip, each = folded(model, vector, 4)
     lobes = SurfaceLobes(
         files.Distillate("gaussian", "Beckmann", (0.1, 1.0), layers, skip, {}, each, of_smith(beckmann()))
     )
@@ -137,13 +144,34 @@ def test_what_was_learned_is_what_runs(generator):
         torch.testing.assert_close(lobe, smith[:, k] * torch.exp(c[:, k + 1]), rtol=2e-3, atol=1e-9)
 
 
+def test_what_was_learned_of_diffuse_facets_is_what_runs(generator, tmp_path: Path):
+    """The same, written and read; with an albedo, orders are its powers, but for the last, which ends in a series."""
+    model, rows, vector = correction(generator)
+    layers, skip, each = folded(model, vector, 1)
+    base = KINDS["diffuse"].base()
+    files.write(
+        tmp_path / "a.npz",
+        files.Distillate("gaussian_diffuse", "Beckmann", (0.09, 1.1), layers, skip, {}, each, base),
+    )
+    lobes = Distilled(tmp_path / "a.npz")
+    c = model.outputs(vector, model.standardised(inputs_of("Beckmann", rows)))
+    ax, ay = (x.clamp(0.1, 1.0) for x in (rows.ax, rows.ay))
+    rows = rows._replace(ax=ax, ay=ay)
+    c = model.outputs(vector, model.standardised(inputs_of("Beckmann", rows)))
+    white, gray = (RoughDiffuse(Beckmann(ax, ay), rho, lobes).orders(rows.wi, rows.wo)[..., 0] for rho in (1.0, 0.5))
+    torch.testing.assert_close(white, smith_diffuse(rows) * torch.exp(c), rtol=2e-3, atol=1e-9)
+    torch.testing.assert_close(gray[:, :3], white[:, :3] * torch.tensor([0.5, 0.25, 0.125]))
+    last = gray[:, 3] / white[:, 3]
+    assert ((last > 0) & (last < 0.0625 + 1e-6)).all()
+
+
 def test_integrals_are_those_of_smiths_walks(generator):
     """What the points say leaves after one, two and three bounces is what walks carry, to four standard errors."""
     n = 4000
     rows = surfaces((0.3, 0.9), n, generator)
     model = RoughConductor(Beckmann(rows.ax, rows.ay), Ideal(), Distilled())
     walk = model.sample_walk(rows.wi, model.uniforms((n,), generator=generator))
-    where, inverse = fit.answers(rows, 5)
+    where, inverse = fit.answers(rows, KINDS["conductor"].proposal, 5)
     smith = (smith_orders(where) * inverse[:, None]).reshape(n, fit.POINTS, ORDERS).mean(1)
     for k in range(3):
         gap = torch.where(walk.order[:, 0] == k + 1, walk.weight[:, 0, 0], 0.0) - smith[:, k]
@@ -207,6 +235,8 @@ def test_hostile_scans(tmp_path: Path, capsys):
     assert "give --height-scale" in refused("--spacing", "1")
     units = ("--spacing", "0.0625", "--height-scale", "1", "--periodic")
     assert "--steps" in refused(*units, "--steps", "0")
+    assert "one or two numbers" in refused("--spacing", "1", "1", "1", "--height-scale", "1")
+    assert "alpha along y is 0.0" in refused("--spacing", "0.0625", "6.25", "--height-scale", "1", "--periodic")
     assert "no lobes are known" in refused("--spacing", "1", "--height-scale", "0.001", "--periodic")
     assert "low-pass the heights" in refused("--spacing", "0.002", "--height-scale", "1", "--periodic")
     np.save(path, np.where(np.arange(64 * 64).reshape(64, 64) == 70, np.nan, 0.1))

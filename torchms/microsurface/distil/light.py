@@ -15,7 +15,7 @@ from torchms.evaluation.workers import Workers
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.simulation.exits import exits, stretched
-from torchms.microsurface.simulation.materials import MirrorFacets
+from torchms.microsurface.simulation.materials import FacetMaterial
 from torchms.microsurface.surfaces.heightfield import Heightfield
 from torchms.sampling.uniforms import draw, generator_for
 from torchms.storage.archives import read_arrays
@@ -56,7 +56,7 @@ class Light(NamedTuple):
     weight: Tensor
 
 
-def gaussian_block(alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
+def gaussian_block(facets: FacetMaterial, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
     """Light on one Gaussian tile that is stretched to BATCHES roughnesses."""
     caster = GridTracer().bind(Grid.of(Heightfield.gaussian(1.0, size=SIZE, seed=seed * 1000 + number)))
     where = incidence(alpha, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number))
@@ -64,14 +64,16 @@ def gaussian_block(alpha: tuple[float, float], seed: int, number: int) -> dict[s
     for k in range(BATCHES):
         some = slice(k * DIRECTIONS, (k + 1) * DIRECTIONS)
         ax, ay = float(where.ax[some][0]), float(where.ay[some][0])
-        parts.append(_traced(stretched(caster, ax, ay), (ax, ay), where.wi[some], (number, k)))
+        parts.append(_traced(stretched(caster, ax, ay), facets, (ax, ay), where.wi[some], (number, k)))
     return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
 
 
-def surface_block(caster: GridCaster, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
+def surface_block(
+    caster: GridCaster, facets: FacetMaterial, alpha: tuple[float, float], seed: int, number: int
+) -> dict[str, np.ndarray]:
     """Light on one explicit surface."""
     wi = incidence(ANY, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number)).wi
-    return _traced(caster, alpha, wi, (seed, number))
+    return _traced(caster, facets, alpha, wi, (seed, number))
 
 
 def incidence(alpha: tuple[float, float], count: int, generator: torch.Generator) -> Rows:
@@ -86,11 +88,13 @@ def incidence(alpha: tuple[float, float], count: int, generator: torch.Generator
     return Rows(ax, torch.where(u[2] < 0.3, ax, ay), wi, wi)
 
 
-def _traced(caster: GridCaster, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]) -> dict[str, np.ndarray]:
+def _traced(
+    caster: GridCaster, facets: FacetMaterial, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]
+) -> dict[str, np.ndarray]:
     """RAYS paths from each direction, one after the other; in turns, so that each is all over the tile."""
     unit = wi.double().numpy()
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
-    found = exits(caster, MirrorFacets(), np.tile(unit, (RAYS, 1)), np.array(key, dtype=np.uint32), LONGEST)
+    found = exits(caster, facets, np.tile(unit, (RAYS, 1)), np.array(key, dtype=np.uint32), LONGEST)
     n = len(unit)
     sorted_by = np.arange(n * RAYS).reshape(RAYS, n).T.ravel()
     ax, ay = (np.full(n * RAYS, a, dtype=np.float32) for a in alpha)

@@ -8,7 +8,7 @@ from torch import Tensor
 from torchms.approximations.distil.squares import Net
 from torchms.approximations.distil.weights import Inputs
 from torchms.approximations.network import Layer
-from torchms.approximations.surface_lobes import ORDERS
+from torchms.approximations.surface_correction import ORDERS
 
 Folded = tuple[list[Layer], Tensor]
 """Layers and the linear part, for features as they are."""
