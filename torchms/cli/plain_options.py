@@ -88,7 +88,7 @@ class DistilOptions:
     """Folder of blocks of light and of checkpoints."""
     paths: str | int | float = "8e6"
     """Light paths to learn from."""
-    steps: int = 3000
+    steps: int = 2000
     """Adam's steps on the likelihood."""
     held_out: str | int | float = "2.5e5"
     """Light paths of each of 13 directions of incidence to be compared with."""

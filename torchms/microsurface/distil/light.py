@@ -77,10 +77,13 @@ def surface_block(
 
 
 def incidence(alpha: tuple[float, float], count: int, generator: torch.Generator) -> Rows:
-    """Roughnesses and directions of incidence; wo is left at wi. Three of ten isotropic; all roughnesses and angles alike."""
+    """Roughnesses and directions of incidence; wo is left at wi. Three of ten isotropic; all angles alike.
+
+    More roughnesses at either end of the range than between, as nodes of interpolation are.
+    """
     u = draw((count,), 1, 5, generator=generator)[:, 0].unbind(-1)
     low, high = alpha[0] / MARGIN, alpha[1] * MARGIN
-    ax, ay = (low + (high - low) * x for x in u[:2])
+    ax, ay = (low + (high - low) * (0.5 - 0.5 * torch.cos(math.pi * x)) for x in u[:2])
     theta, phi = 0.5 * math.pi * u[3], 2 * math.pi * u[4]
     z = theta.cos().clamp_min(LEAST_COSINE)
     r = (1 - z * z).sqrt()

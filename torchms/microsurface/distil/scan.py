@@ -45,7 +45,7 @@ class Effort:
     """How much light, and how long it is learned from."""
 
     blocks: int = 64
-    steps: int = 3000
+    steps: int = 2000
     widths: tuple[int, ...] = (32, 24)
     each: tuple[int, ...] = (16,)
     seed: int = 1
