@@ -45,7 +45,7 @@ class Options:
     """Folder of blocks of light and of checkpoints."""
     blocks: int = 128
     """Tiles of a million texels, each with 131 072 paths."""
-    steps: int = 5000
+    steps: int = 4000
     """Adam's steps on the likelihood."""
     widths: tuple[int, ...] = (32, 24)
     """Units of the hidden layers; cost and accuracy follow them."""

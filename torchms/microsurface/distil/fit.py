@@ -26,7 +26,7 @@ OTHERS = 1 << 18
 OTHER_STEPS = 60
 TAIL = 0.003
 CHUNK = 8192
-POINTS = 32
+POINTS = 64
 """Directions out for each direction in, over which integrals are summed."""
 
 

@@ -13,7 +13,7 @@ from torchms.microsurface.simulation.materials import FacetMaterial, MirrorFacet
 
 ROWS, COLUMNS = 32, 64
 """Cells of a lobe: equal steps of cos θ_o and of φ_o."""
-FINER = 4
+FINER = 8
 """Points along either edge of a cell at which a lobe is summed."""
 HALVES = 2
 ORDERS = 4

@@ -5,8 +5,8 @@ of incidence of
 
     Σ_k ∫ λ_k dω_o − Σ_paths c_k(wi, wo) / N
 
-is smallest where λ is the surface's. The integral is a sum over points. As all light leaves, (Σ_k ∫ λ_k dω_o − 1)² is added,
-as the product of what two halves of the points say, which are independent: noise of the sums is no error of the lobes.
+is smallest where λ is the surface's. The integral is a sum over points. Paths of each direction weigh 1 together, as all
+light leaves: that the energies of the orders add up to 1 is said by the likelihood itself.
 """
 
 from collections.abc import Callable
@@ -25,8 +25,6 @@ AT_ONCE = 256
 RATE, LAST_RATE = 1e-2, 1e-5
 URGENT = (1.0, 1.0, 2.0, 4.0)
 """Weights of the orders' likelihoods: the rare ones would hardly be heard."""
-WHITE = 3.0
-"""Weight of the squares of what a furnace is off by."""
 
 
 class Paths(NamedTuple):
@@ -59,14 +57,12 @@ class Points(NamedTuple):
         return Points(self.inputs.part(rows), self.smith[rows], self.each)
 
 
-def loss(model: Correction, vector: Tensor, paths: Paths, points: Points, white: float = WHITE) -> Tensor:
-    """The negative likelihood, and `white` times the squares of what a furnace is off by; means over the directions."""
+def loss(model: Correction, vector: Tensor, paths: Paths, points: Points) -> Tensor:
+    """The negative likelihood, mean over the directions of incidence."""
     urgent, m = torch.tensor(URGENT), len(paths.first) - 1
     said = model.outputs(vector, paths.inputs).gather(1, paths.order[:, None])[:, 0]
     light = points.smith * torch.exp(model.outputs(vector, points.inputs))
-    one, other = (2 * light.sum(1).reshape(m, 2, -1).sum(2) - 1).unbind(1)
-    likelihood = ((light @ urgent).sum() - (paths.weight * urgent[paths.order] * said).sum()) / m
-    return likelihood + white * (one * other).mean()
+    return ((light @ urgent).sum() - (paths.weight * urgent[paths.order] * said).sum()) / m
 
 
 def fitted(

@@ -8,7 +8,7 @@ from torch import Tensor
 from torchms.approximations.distil.squares import Net
 from torchms.approximations.distil.weights import Inputs
 from torchms.approximations.network import Layer
-from torchms.approximations.surface_correction import ORDERS
+from torchms.approximations.surface_correction import MOST, ORDERS
 
 Folded = tuple[list[Layer], Tensor]
 """Layers and the linear part, for features as they are."""
@@ -41,7 +41,9 @@ class Correction:
         """c_k (n, ORDERS) of standardised features."""
         pair, each = self.parts(vector)
         found = self.pair.outputs(pair, inputs.pair)
-        return found + (self.each.outputs(each, inputs.one) + self.each.outputs(each, inputs.other))
+        return (found + (self.each.outputs(each, inputs.one) + self.each.outputs(each, inputs.other))).clamp(
+            -MOST, MOST
+        )
 
     def folded(self, vector: Tensor) -> tuple[Folded, Folded]:
         """Both networks for features as they are."""

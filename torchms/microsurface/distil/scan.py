@@ -163,7 +163,7 @@ def _metal(made: files.Distillate, tabulated: Tabulated) -> Callable[[Vec3, Vec3
 
     def orders(wi: Vec3, wo: Vec3) -> list[Tensor]:
         (first,) = SingleBounce().evaluate(vertex, wi, wo, ())
-        return [x[0] for x in lobes.orders(first[0], facets, vertex.fresnel, wi, wo)]
+        return [x[0] for x in lobes.orders(first, facets, vertex.fresnel, wi, wo)]
 
     return orders
 
