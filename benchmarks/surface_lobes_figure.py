@@ -46,7 +46,8 @@ def main(options: Figure) -> None:
         learned = Distilled(list(options.table)) if options.table else Distilled(surface="gaussian")
         models = {"Smith": lobes(material, Distilled())[cell], "learned": lobes(material, learned)[cell]}
         for k, (panel, said) in enumerate(zip(row, SAID, strict=True)):
-            traced, spread = (x[k].mean(-1) / solid for x in (halves.mean(0), (halves[0] - halves[1]).abs() / 2))
+            one, other = halves[:, k].mean(-1) / solid
+            traced, spread = (one + other) / 2, (one - other).abs() / 2
             angle = torch.rad2deg(torch.acos(z))
             panel.errorbar(angle, traced, spread, fmt=".", color="k", ms=4, label="traced")
             for color, (model, lobe) in zip(("C1", "C0"), models.items(), strict=True):

@@ -60,9 +60,8 @@ class Distilled(Scattering):
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
-    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces of metal, Beckmann with α_x and α_y in [0.1, 1], in
-    place of those of Smith's theory: much nearer to such surfaces from 1 rad on, not yet at steeper incidence, where a furnace
-    is off by up to 0.035. See docs/surface_lobes.md.
+    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces, metal and diffuse, Beckmann with α_x and α_y in
+    [0.1, 1], in place of those of Smith's theory: several times nearer to such surfaces. See docs/surface_lobes.md.
     """
 
     sources = ("Wang2022", "Cui2023")
