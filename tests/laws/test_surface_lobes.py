@@ -67,10 +67,10 @@ def test_the_furnace_is_white(alpha, scattering):
     metal = surface(scattering, alpha, "conductor[ideal]")
     azimuths = (0.0, 0.8, 1.5) if len(alpha) == 2 else (0.8,)
     off = torch.tensor([float(energies(metal, t, p).sum()) - 1 for t in (0.0, 0.5, 1.0, 1.3, 1.45) for p in azimuths])
-    assert float(off.abs().max()) < (0.13 if alpha == (1.0, 0.1) else WHITE), off
+    assert float(off.abs().max()) < (0.02 if alpha == (1.0, 0.1) else WHITE), off
 
 
-WHITE = 0.045
+WHITE = 0.013
 """How far a white furnace is off, at most: learned, not built in. Grazing light across grooves, (1, 0.1), is off by more."""
 
 LIGHT = {
@@ -82,7 +82,7 @@ LIGHT = {
 }
 """Energies of the orders 1, 2, 3 and ≥ 4 of ray-traced surfaces that nothing was learned from, by α and θ.
 
-From 1 rad on, where the learned lobes are much nearer than Smith's; docs/surface_lobes.md has the angles where they are not.
+From 1 rad on; docs/surface_lobes.md has all.
 """
 
 
@@ -145,13 +145,13 @@ def test_each_bounce_meets_a_facet(scattering):
 
 @pytest.mark.usefixtures("messages")
 def test_what_it_is_not_about_is_refused():
-    """GGX, roughness outside of [0.1, 1], glass and diffuse facets, and a surface that is not there."""
+    """GGX, roughness outside of [0.1, 1], glass, and a surface that is not there."""
     model = Distilled(surface="gaussian")
     for make in (
         lambda: RoughConductor(GGX(0.5), Ideal(), model),
         lambda: RoughConductor(Beckmann(0.05), Ideal(), model),
         lambda: RoughDielectric(Beckmann(0.5), Dielectric(1.5), model),
-        lambda: RoughDiffuse(Beckmann(0.5), 0.5, model),
+        lambda: RoughDiffuse(GGX(0.5), 0.5, model),
         lambda: Distilled(surface="fractal"),
         lambda: Distilled("mine.npz", surface="gaussian"),
         lambda: model.slopes,

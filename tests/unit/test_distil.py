@@ -13,7 +13,7 @@ from torchms.approximations.distil.level import Level
 from torchms.approximations.distil.rows import OUTGOING, drawn
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.distil.weights import Weights, sizes_of
-from torchms.approximations.distilled import NETWORKS
+from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.metal_features import FEATURES
 from torchms.approximations.metal_lobes import FACETS, MetalLobes
 from torchms.fresnel import Ideal

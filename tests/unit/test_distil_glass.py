@@ -11,7 +11,7 @@ from torchms.approximations import distilled_file as files
 from torchms.approximations.distil import glass, glass_held_out, glass_rows
 from torchms.approximations.distil.glass_fit import Fit, inputs_of
 from torchms.approximations.distil.rows import OUTGOING
-from torchms.approximations.distilled import NETWORKS
+from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.glass_lobes import GlassLobes
 from torchms.fresnel import Dielectric
 from torchms.maths.frame import split

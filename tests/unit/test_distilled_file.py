@@ -8,7 +8,7 @@ import torch
 
 from torchms import GGX, Distilled, RoughConductor
 from torchms.approximations import distilled_file as files
-from torchms.approximations.distilled import NETWORKS
+from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.metal_features import FEATURES, OF_ONE
 from torchms.approximations.metal_lobes import FACETS, OUTPUTS
 from torchms.fresnel import Ideal

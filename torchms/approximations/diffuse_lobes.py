@@ -57,6 +57,11 @@ class DiffuseLobes(nn.Module):
         super().__init__()
         self.network = Network(distillate.layers, distillate.skip, pair.root_sign)
 
+    def distribution_of(self, vertex: Diffuse) -> EllipticDistribution:
+        """Whose facets the lobes are of."""
+        assert isinstance(vertex.distribution, EllipticDistribution)
+        return vertex.distribution
+
     def white(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> tuple[list[Tensor], Tensor]:
         """f · cos θ_o [1/sr] of the orders 1, 2, 3 and of all others at albedo 1, and λ; both above the horizon."""
         shape = pair.shape_of(distribution)
@@ -70,9 +75,8 @@ class DiffuseLobes(nn.Module):
 
     def evaluate(self, vertex: Diffuse, wi: Vec3, wo: Vec3) -> list[Tensor]:
         """f · cos θ_o [1/sr] of the orders 1, 2, 3 and of all others together, each (C, 1, …)."""
-        assert isinstance(vertex.distribution, EllipticDistribution)
         valid = (wi.z > 0) & (wo.z > 0)
-        lobes, fall = self.white(vertex.distribution, pair.above(wi), pair.above(wo))
+        lobes, fall = self.white(self.distribution_of(vertex), pair.above(wi), pair.above(wo))
         albedo = channels_first(vertex.albedo, wi.z.ndim)
         return [
             torch.where(valid, factor * lobe, 0.0) for factor, lobe in zip(powers(albedo, fall), lobes, strict=True)
@@ -80,9 +84,8 @@ class DiffuseLobes(nn.Module):
 
     def walk(self, vertex: Diffuse, wi: Vec3, u: Sequence[Tensor]) -> Iterator[Exit]:
         """One direction of a cosine lobe, along which the orders leave with the shares that they have there."""
-        assert isinstance(vertex.distribution, EllipticDistribution)
         d = cosine_hemisphere(u[1], u[2])
-        lobes, fall = self.white(vertex.distribution, pair.above(wi), pair.above(d))
+        lobes, fall = self.white(self.distribution_of(vertex), pair.above(wi), pair.above(d))
         total = sum(lobes[1:], lobes[0])
         weight = torch.where(wi.z > 0, total * math.pi / pair.above(d).z, 0.0)
         albedo = channels_first(vertex.albedo, wi.z.ndim)

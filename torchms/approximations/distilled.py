@@ -9,10 +9,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from torchms.approximations import diffuse_lobes, free_features, glass_lobes, metal_features, metal_lobes, surface_lobes
 from torchms.approximations import distilled_file as files
 from torchms.approximations.coordinates import ETA
 from torchms.approximations.diffuse_lobes import DiffuseLobes
+from torchms.approximations.diffuse_surface_lobes import DiffuseSurfaceLobes
+from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.glass_lobes import GlassLobes
 from torchms.approximations.metal_features import above
 from torchms.approximations.metal_lobes import MetalLobes
@@ -33,23 +34,8 @@ from torchms.paths.vertex import Vertex
 from torchms.sampling.proposals import Proposal
 
 KNOWN = ("GGX", "Beckmann")
-METAL = files.Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE, facets=metal_lobes.FACETS)
 SMITH = ("metal", "diffuse", "reflected", "transmitted")
 """Files that come with torchms for each of them."""
-SMITHS = files.Shape(metal_features.FEATURES, surface_lobes.OF_SMITH, metal_features.OF_ONE)
-NETWORKS = {
-    "metal": METAL,
-    "diffuse": files.Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS),
-    "reflected": files.Shape(glass_lobes.REFLECTED, 1, glass_lobes.OF_ONE),
-    "transmitted": files.Shape(glass_lobes.TRANSMITTED, 1, glass_lobes.OF_ONE),
-    "gaussian": files.Shape(
-        metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, surface_lobes.ORDERS, SMITHS
-    ),
-    "scan": files.Shape(
-        free_features.FREE, surface_lobes.OUTPUTS, free_features.FREE_OF_ONE, surface_lobes.ORDERS, SMITHS, True
-    ),
-}
-"""What a file may be about. Glass takes both of the last."""
 FACETS: dict[type[Vertex], str] = {Mirror: "metal", Diffuse: "diffuse", Refractive: "glass"}
 REMEDY = "Use HeightWalk(), which is exact, or KullaConty()."
 
@@ -74,9 +60,8 @@ class Distilled(Scattering):
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
-    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces of metal, Beckmann with α_x and α_y in [0.1, 1], in
-    place of those of Smith's theory: much nearer to such surfaces from 1 rad on, not yet at steeper incidence, where a furnace
-    is off by up to 0.035. See docs/surface_lobes.md.
+    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces, metal and diffuse, Beckmann with α_x and α_y in
+    [0.1, 1], in place of those of Smith's theory: several times nearer to such surfaces. See docs/surface_lobes.md.
     """
 
     sources = ("Wang2022", "Cui2023")
@@ -94,7 +79,7 @@ class Distilled(Scattering):
                 raise ValueError(
                     "Distilled(table=..., surface=...): a file says itself which surfaces it is about. Give one of them."
                 )
-            found = [packaged("Beckmann", surface)]
+            found = [packaged("Beckmann", facet) for facet in (surface, f"{surface}_diffuse")]
         elif table is None:
             found = [packaged(name, facet) for name in KNOWN for facet in SMITH]
         else:
@@ -121,6 +106,8 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} metal", MetalLobes(each)
         elif each.facet in ("gaussian", "scan"):
             key, lobes = f"{each.distribution} metal", SurfaceLobes(each)
+        elif each.facet in ("gaussian_diffuse", "scan_diffuse"):
+            key, lobes = f"{each.distribution} diffuse", DiffuseSurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:

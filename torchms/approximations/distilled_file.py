@@ -50,7 +50,8 @@ class Distillate(NamedTuple):
     facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
     roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
     each: weights of what either direction brings, if there is that. smith: weights of both for Smith's lobes, where these are
-    corrected. slopes: of a measured surface. facets: weights of what light meets on its way, if there is that.
+    corrected; without that of each direction for diffuse facets. slopes: of a measured surface. facets: weights of
+    what light meets on its way, if there is that.
     """
 
     facet: str
@@ -60,7 +61,7 @@ class Distillate(NamedTuple):
     skip: Tensor
     certificate: dict[str, Any]
     each: Weights | None = None
-    smith: tuple[Weights, Weights] | None = None
+    smith: tuple[Weights, ...] | None = None
     slopes: Mixture | None = None
     facets: Weights | None = None
 
@@ -78,7 +79,7 @@ def write(path: str | Path, distillate: Distillate, force: bool = False) -> None
     if distillate.facets:
         networks["facets_"] = distillate.facets
     if distillate.smith:
-        networks |= dict(zip(("smith_", "smith_each_"), distillate.smith, strict=True))
+        networks |= dict(zip(("smith_", "smith_each_"), distillate.smith, strict=False))
     for name, (layers, skip) in networks.items():
         content[f"{name}skip"] = skip.detach().float().numpy()
         for k, (weight, offset) in enumerate(layers):
@@ -114,12 +115,11 @@ def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
     layers, skip = _network(arrays, "", shape.inputs, shape.outputs, path)
     each = _network(arrays, "each_", shape.of_one, shape.outputs_of_one, path) if shape.of_one else None
     distribution = str(scalar(arrays, "distribution", otherwise, REMEDY))
-    smith = None
+    smith: tuple[Weights, ...] | None = None
     if (s := shape.smith) is not None:
-        smith = (
-            _network(arrays, "smith_", s.inputs, s.outputs, path),
-            _network(arrays, "smith_each_", s.of_one, s.outputs_of_one, path),
-        )
+        smith = (_network(arrays, "smith_", s.inputs, s.outputs, path),)
+        if s.of_one:
+            smith += (_network(arrays, "smith_each_", s.of_one, s.outputs_of_one, path),)
     slopes = None
     if shape.scan:
         if any(f"slopes_{name}" not in arrays for name in Mixture._fields):

@@ -12,25 +12,18 @@ import torch
 from torch import Tensor, nn
 
 from torchms.approximations.distilled_file import Distillate
-from torchms.approximations.free_features import free_features, free_features_of_one
 from torchms.approximations.metal_features import above, features, features_of_one
-from torchms.approximations.metal_lobes import EXPONENT, MOST_FALL
+from torchms.approximations.metal_lobes import EXPONENT
 from torchms.approximations.network import Network, soft_sign
-from torchms.approximations.pair_features import root_sign
+from torchms.approximations.surface_correction import ORDERS, SurfaceCorrection, facets_of, fall_of
 from torchms.distributions.base import EllipticDistribution
-from torchms.distributions.beckmann import Beckmann
-from torchms.distributions.tabulated import Tabulated
 from torchms.fresnel.base import Fresnel
 from torchms.maths.frame import Vec3
 
-ORDERS = 4
-"""Orders with a correction of their own; the last is of four bounces and more."""
 OUTPUTS = ORDERS + 4
 """Corrections, facet cosines of the orders 2, 3 and ≥ 4, and the fall of the last."""
 OF_SMITH = 3
 """Outputs of Smith's network: ln of all orders from the second on, and of the second and the third over the others."""
-MOST = 8.0
-"""Largest |ln| of a correction."""
 
 
 class Corrected(NamedTuple):
@@ -53,33 +46,26 @@ class SurfaceLobes(nn.Module):
 
     def __init__(self, distillate: Distillate) -> None:
         super().__init__()
-        assert distillate.each is not None and distillate.smith is not None
+        assert distillate.smith is not None
         smith, smith_each = distillate.smith
         self.smith, self.smith_each = Network(*smith), Network(*smith_each)
-        self.network = Network(distillate.layers, distillate.skip, root_sign)
-        self.each = Network(*distillate.each, root_sign)
-        self.facets = None if distillate.slopes is None else as_beckmann(Tabulated(*distillate.slopes))
+        self.correction = SurfaceCorrection(distillate)
+        self.facets = facets_of(distillate)
         """What further bounces, and directions to sample, start from on a scan; elsewhere the facets of the surface."""
 
     def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Corrected:
         """Kernel; both directions above the horizon."""
-        found, shared = features(distribution, wi, wo), features_of_one
         both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
-        level, second, third = self.smith(found)
+        level, second, third = self.smith(features(distribution, wi, wo))
         one, other = self.smith_each(features_of_one(distribution, both))[0]
         a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
         last = torch.exp((level + (one + other)).clamp(*EXPONENT)) / (1 + a + b)
-        if self.facets is not None:
-            found, shared = free_features(distribution, wi, wo), free_features_of_one
-        outputs = self.network(found)
-        each = [one + other for one, other in self.each(shared(distribution, both))]
-        first, *factors = (torch.exp((c + e).clamp(-MOST, MOST)) for c, e in zip(outputs[:ORDERS], each, strict=True))
-        *cosines, fall = outputs[ORDERS:]
+        (first, *factors), (*cosines, fall) = self.correction.factors(distribution, wi, wo)
         return Corrected(
             first,
             [lobe * factor for lobe, factor in zip((last * a, last * b, last), factors, strict=True)],
             [0.5 + 0.5 * soft_sign(c) for c in cosines],
-            (0.5 * MOST_FALL) * (1 + soft_sign(fall)),
+            fall_of(fall),
         )
 
     def orders(
@@ -98,11 +84,6 @@ class SurfaceLobes(nn.Module):
         # Σ_{k ≥ 4} (1 − r) r^{k−4} F^k = F⁴ (1 − r) / (1 − r F).
         tail = square * square * ((1 - found.fall) / (1 - found.fall * F4))
         return [single * found.first, F2 * F2 * two, F3 * F3 * F3 * three, tail * more]
-
-
-def as_beckmann(tabulated: Tabulated) -> Beckmann:
-    """Beckmann with the same variances of slopes."""
-    return Beckmann(*(float(alpha) for alpha in tabulated.alphas))
 
 
 def of_smith(metal: Distillate) -> tuple[tuple[list, Tensor], tuple[list, Tensor]]:

@@ -12,8 +12,10 @@ from torchms.cli.arguments import parse_count
 from torchms.cli.plain_options import DistilOptions
 from torchms.microsurface.distil import light, scan
 from torchms.microsurface.surfaces.heightfield import Heightfield
-from torchms.storage.media import MESHES
 from torchms.storage.write import check_writable, write_json
+
+SILENT = (".npy", ".png", ".tif", ".tiff")
+"""Files that say nothing of their units."""
 
 
 def run_distil(options: DistilOptions) -> None:
@@ -33,6 +35,7 @@ def run_distil(options: DistilOptions) -> None:
         blocks=-(-paths // light.PATHS),
         steps=options.steps,
         seed=options.seed,
+        material=options.material,
         held_out=held_out // 2,
         threads=options.threads,
     )
@@ -51,34 +54,39 @@ def read(options: DistilOptions) -> Heightfield:
     """The surface of the options; ValueError if its units are not given."""
     lengths = {"--spacing": options.spacing, "--height-scale": options.height_scale}
     missing = [name for name, value in lengths.items() if value is None]
-    if missing and options.surface.suffix.lower() not in MESHES:
+    if missing and options.surface.suffix.lower() in SILENT:
         raise ValueError(
             f"{options.surface} says nothing of its units: give {' and '.join(missing)}, the distance between neighbouring "
             "heights and the length of one step of their values, in one unit."
         )
-    spacing, height = options.spacing or 1.0, options.height_scale or 1.0
-    return Heightfield.from_file(options.surface, spacing, height_scale=height, periodic=options.periodic)
+    given = options.spacing
+    if given is not None and len(given) not in (1, 2):
+        raise ValueError(f"--spacing must be one or two numbers; got {len(given)}.")
+    spacing = None if given is None else (given[0], given[-1])
+    return Heightfield.from_file(options.surface, spacing, height_scale=options.height_scale, periodic=options.periodic)
 
 
 def command(options: DistilOptions) -> str:
     """What makes the same lobes again."""
     words = ["torchms distil", f"--surface {shlex.quote(options.surface.name)}"]
     default = DistilOptions(surface=Path(), out=Path())
-    for name in ("spacing", "height_scale", "periodic", "coarse", "paths", "steps", "held_out", "seed"):
+    for name in ("spacing", "height_scale", "material", "periodic", "coarse", "paths", "steps", "held_out", "seed"):
         value = getattr(options, name)
         if value != getattr(default, name):
-            words.append(f"--{name.replace('_', '-')}" + ("" if value is True else f" {value}"))
+            said = " ".join(map(str, value)) if isinstance(value, tuple) else value
+            words.append(f"--{name.replace('_', '-')}" + ("" if value is True else f" {said}"))
     return " ".join(words)
 
 
 def show(rows: list[dict[str, Any]]) -> None:
     """A table: each direction of incidence, and the error of each lobe."""
     table = Table(title="RMS error of the lobe, of its own RMS [%]; largest gap of an order's energy [1e-4]")
-    for heading in ("theta", "phi", *scan.MODELS, "noise"):
+    models = [name for name in scan.MODELS if name in rows[0]]
+    for heading in ("theta", "phi", *models, "noise"):
         table.add_column(heading, justify="right")
     for row in rows:
         cells = []
-        for name in scan.MODELS:
+        for name in models:
             gap = max(abs(a - b) for a, b in zip(row[name]["energy"], row["energy"], strict=True))
             cells.append(f"{100 * row[name]['lobe_error']:.2f}; {1e4 * gap:.0f}")
         noise = f"{100 * row[scan.MODELS[0]]['noise']:.2f}; {1e4 * max(row['energy_noise']):.0f}"

@@ -64,20 +64,22 @@ class FitMeasuredOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class DistilOptions:
-    """Learn the whole lobe of a measured surface of metal from ray-traced light on it, for `Distilled("scan.npz")`.
+    """Learn the whole lobe of a measured surface, of metal or diffuse, from ray-traced light on it: `Distilled("scan.npz")`.
 
     A stopped run goes on where it was if it is called again; under torchrun the light is traced by all processes.
     Example: torchms distil --surface scan.npy --spacing 0.5 --height-scale 0.001 --out scan.npz
     """
 
     surface: Path
-    """Heights: .npy, a 16-bit or float .png or .tif, or a mesh."""
+    """Heights: .npy, a 16-bit or float .png or .tif, a scan (.x3p, .xyz, …), or a mesh."""
     out: Path
     """The file to write (.npz)."""
-    spacing: float | None = None
-    """Distance between neighbouring heights, in a unit of your choice; asked for but with a mesh."""
+    spacing: tuple[float, ...] | None = None
+    """Distance between neighbouring heights, or that along x and that along y; asked for where the file does not say it."""
     height_scale: float | None = None
-    """Length of one step of the map's values, in the same unit; asked for but with a mesh."""
+    """Length of one step of the map's values, in the same unit; asked for with pictures and .npy."""
+    material: Literal["conductor", "diffuse"] = "conductor"
+    """What its facets are of: metal with any Fresnel term, or diffuse with any albedo."""
     periodic: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """The map repeats without a seam; otherwise it is mirrored."""
     coarse: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -86,8 +88,8 @@ class DistilOptions:
     """Folder of blocks of light and of checkpoints."""
     paths: str | int | float = "8e6"
     """Light paths to learn from."""
-    steps: int = 40
-    """Newton steps on the likelihood."""
+    steps: int = 2000
+    """Adam's steps on the likelihood."""
     held_out: str | int | float = "2.5e5"
     """Light paths of each of 13 directions of incidence to be compared with."""
     seed: int = 1

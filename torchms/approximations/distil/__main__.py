@@ -22,7 +22,7 @@ from torchms.approximations.distil.command import (
 from torchms.approximations.distil.processes import processes, wait_for_all
 from torchms.approximations.distil.rows import Rows, surfaces
 from torchms.approximations.distil.weights import Heads, Net, Weights, sizes_of
-from torchms.approximations.distilled import METAL
+from torchms.approximations.distilled_networks import METAL
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.network import Network
 from torchms.cli.progress import progress_bar

@@ -4,33 +4,28 @@ A target y is an unbiased estimate, and Σ w (p − y)² has its minimum at p = 
 Here w = 1 / (p² + floor²) with p held: relative squares where the lobe is high.
 """
 
-import io
 import math
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from torchms.approximations.albedo_table import AlbedoTable
+from torchms.approximations.distil.adam_state import AdamState
 from torchms.approximations.distil.energies import Cells
 from torchms.approximations.distil.rows import KINDS, Rows
 from torchms.approximations.distil.weights import Heads, Inputs, Weights
 from torchms.approximations.metal_features import features, features_of_one
 from torchms.maths.frame import split
 from torchms.sampling.uniforms import generator_for, integers
-from torchms.storage.archives import read_arrays
-from torchms.storage.write import write_whole
 
 BATCH = 8192
 CELLS = 4
 """Directions of incidence whose energy a step looks at."""
-RATE = 6e-3
+RATE, LAST_RATE = 6e-3, 2e-5
 FIRST = 0.3
 """Share of one bounce's value that a row's error is measured by, if that is more than all others."""
-SAVED = 500
-"""Steps between two checkpoints."""
 SIDE, TAIL, ENERGY = 0.3, 0.003, 300.0
 """Weights of the orders, of the tail's length and of the energies, against that of the lobe."""
 
@@ -100,48 +95,16 @@ def trained(
 ) -> Tensor:
     """The weights after `steps` steps of Adam, from `checkpoint` on if there is one."""
     generator = generator_for(seed)
-    vector = weights.initial(generator).requires_grad_(True)
+    state = AdamState.begun(weights.initial(generator), checkpoint)
     starts = integers(0, len(floor) - BATCH + 1, (steps,), generator)
     looks = integers(0, len(cells.lost) - CELLS + 1, (steps,), generator)
-    optimizer = torch.optim.Adam([vector], lr=RATE, betas=(0.9, 0.99))
-    first = _resumed(checkpoint, vector, optimizer)
-    advance(first)
-    for step in range(first, steps):
-        rate = RATE * min(1.0, (step + 1) / 100) * 0.5 * (1 + math.cos(math.pi * step / steps)) + 2e-5
-        optimizer.param_groups[0]["lr"] = rate
+    advance(state.step)
+    for step in range(state.step, steps):
         rows = slice(int(starts[step]), int(starts[step]) + BATCH)
-        value = loss(weights.outputs(vector, inputs.part(rows)), targets[rows], floor[rows])
+        value = loss(weights.outputs(state.vector, inputs.part(rows)), targets[rows], floor[rows])
         some = cells.part(int(looks[step]), CELLS)
-        energy = some.energies(Heads(weights.outputs(vector, some.inputs)).level)
+        energy = some.energies(Heads(weights.outputs(state.vector, some.inputs)).level)
         value = value + ENERGY * ((energy - some.lost) ** 2).mean()
-        optimizer.zero_grad(set_to_none=True)
-        value.backward()
-        torch.nn.utils.clip_grad_norm_([vector], 0.5)
-        optimizer.step()
+        state.take(value, RATE, LAST_RATE, steps)
         advance(1)
-        if (step + 1) % SAVED == 0 or step + 1 == steps:
-            _save(checkpoint, step + 1, vector, optimizer)
-    return vector.detach()
-
-
-def _save(path: Path, step: int, vector: Tensor, optimizer: torch.optim.Adam) -> None:
-    state = optimizer.state[vector]
-    file = io.BytesIO()
-    arrays = {"vector": vector.detach(), "mean": state["exp_avg"], "square": state["exp_avg_sq"]}
-    np.savez(file, step=np.array(step), **{name: x.numpy() for name, x in arrays.items()})
-    write_whole(path, file.getvalue(), force=True)
-
-
-def _resumed(path: Path, vector: Tensor, optimizer: torch.optim.Adam) -> int:
-    """The step of the checkpoint, whose state `vector` and `optimizer` then have; 0 without one."""
-    if not path.exists():
-        return 0
-    arrays = read_arrays(path, 1 << 24)
-    with torch.no_grad():
-        vector.copy_(torch.from_numpy(arrays["vector"]))
-    optimizer.state[vector] = {
-        "step": torch.tensor(float(arrays["step"])),
-        "exp_avg": torch.from_numpy(arrays["mean"]),
-        "exp_avg_sq": torch.from_numpy(arrays["square"]),
-    }
-    return int(arrays["step"])
+    return state.vector.detach()

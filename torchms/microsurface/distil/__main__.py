@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import torch
 
@@ -21,34 +21,35 @@ from torchms.approximations.distil.command import (
 )
 from torchms.approximations.distil.processes import processes, threads_of, wait_for_all
 from torchms.approximations.distil.training import inputs_of
-from torchms.approximations.surface_lobes import of_smith
 from torchms.cli.progress import progress_bar
 from torchms.microsurface.distil import fit, light
-from torchms.microsurface.distil.smith import beckmann, smith_orders
+from torchms.microsurface.distil.kinds import KINDS
 from torchms.storage.write import check_writable
 from torchms.version import __version__
 
 
 @dataclass
 class Options:
-    """Distil the light on Gaussian surfaces of metal: simulated paths, a small network, a file.
+    """Distil the light on Gaussian surfaces of metal or diffuse facets: simulated paths, a small network, a file.
 
     A stopped run goes on where it was if it is called again. Under torchrun the light is simulated by all processes.
     """
 
+    material: Literal["conductor", "diffuse"] = "conductor"
+    """What the facets are of."""
     alpha: tuple[float, float] = (0.1, 1.0)
     """Smallest and largest roughness."""
     out: Path = Path("gaussian.npz")
     """The file."""
     work: Path = Path("build/distil/gaussian")
     """Folder of blocks of light and of checkpoints."""
-    blocks: int = 48
+    blocks: int = 128
     """Tiles of a million texels, each with 131 072 paths."""
-    steps: int = 24
-    """Newton steps on the likelihood."""
-    widths: tuple[int, ...] = (16, 12)
+    steps: int = 4000
+    """Adam's steps on the likelihood."""
+    widths: tuple[int, ...] = (32, 24)
     """Units of the hidden layers; cost and accuracy follow them."""
-    each: tuple[int, ...] = (8,)
+    each: tuple[int, ...] = (16,)
     """Units of the hidden layers of the network of each direction."""
     seed: int = 100
     """Seed of everything."""
@@ -64,11 +65,13 @@ def main(options: Options) -> None:
     check_writable(options.out, options.force)
     rank, world = processes()
     told = {k: v for k, v in asdict(options).items() if k not in PLACES}
-    opened(options.work, {"version": __version__, "alpha": list(options.alpha), "seed": options.seed})
+    kind = KINDS[options.material]
+    about = {"alpha": list(options.alpha), "seed": options.seed, "material": options.material}
+    opened(options.work, {"version": __version__, **about})
     numbers = list(range(rank, options.blocks, world))
     threads = threads_of(options.threads, world)
     with progress_bar("light", len(numbers)) as advance:
-        made = partial(light.gaussian_block, options.alpha, options.seed)
+        made = partial(light.gaussian_block, kind.facets, options.alpha, options.seed)
         light.made(options.work, numbers, made, threads, advance)
     wait_for_all(world)
     if rank == 0:
@@ -78,7 +81,8 @@ def main(options: Options) -> None:
 def finish(options: Options, told: dict[str, Any]) -> None:
     """Learn from the blocks, and write the file."""
     found = light.loaded(options.work, options.blocks, options.seed)
-    subject = fit.Subject(partial(inputs_of, "Beckmann"), smith_orders)
+    kind = KINDS[options.material]
+    subject = fit.Subject(partial(inputs_of, "Beckmann"), kind.smith, kind)
     sizes = options.widths, options.each
     (layers, skip), each = fit.learned(subject, found, sizes, options.steps, options.seed, options.work)
     certificate = {
@@ -90,7 +94,7 @@ def finish(options: Options, told: dict[str, Any]) -> None:
         "paths": options.blocks * light.PATHS,
     }
     distillate = files.Distillate(
-        "gaussian", "Beckmann", options.alpha, layers, skip, certificate, each, of_smith(beckmann())
+        f"gaussian{kind.suffix}", "Beckmann", options.alpha, layers, skip, certificate, each, kind.base()
     )
     files.write(options.out, distillate, options.force)
     print(f"{options.out}: {options.out.stat().st_size} bytes")

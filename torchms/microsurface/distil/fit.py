@@ -9,34 +9,33 @@ from torch import Tensor
 
 from torchms.approximations.distil.rows import LEAST_COSINE, Rows
 from torchms.approximations.distil.weights import Inputs
-from torchms.approximations.metal_lobes import MOST_FALL
-from torchms.approximations.metal_sampling import MetalProposal
 from torchms.approximations.network import Layer, soft_sign
-from torchms.approximations.surface_lobes import ORDERS, OUTPUTS
+from torchms.approximations.surface_correction import ORDERS, fall_of
 from torchms.cli.progress import progress_bar
 from torchms.distributions import Beckmann
 from torchms.maths.frame import Vec3, join, split
 from torchms.microsurface.distil import likelihood
+from torchms.microsurface.distil.kinds import Kind
 from torchms.microsurface.distil.light import RAYS, Light
 from torchms.microsurface.distil.networks import Correction, Folded
+from torchms.sampling.proposals import Proposal
 from torchms.sampling.uniforms import draw, generator_for
 
-URGENT = (1.0, 1.0, 2.0, 4.0)
-"""Weights of the orders' likelihoods: the rare ones would hardly be heard."""
 OTHERS = 1 << 18
 """Paths that the other outputs are fitted to."""
 OTHER_STEPS = 60
 TAIL = 0.003
 CHUNK = 8192
-POINTS = 128
+POINTS = 64
 """Directions out for each direction in, over which integrals are summed."""
 
 
 class Subject(NamedTuple):
-    """What is corrected. inputs: features of rows; smith: its f cos θ_o [1/sr] (n, ORDERS) there."""
+    """What is corrected. inputs: features of rows; smith: its f cos θ_o [1/sr] (n, ORDERS) there; of that kind."""
 
     inputs: Callable[[Rows], Inputs]
     smith: Callable[[Rows], Tensor]
+    kind: Kind
 
 
 def learned(
@@ -50,23 +49,22 @@ def learned(
     """Networks of the pair and of each direction, for features as they are."""
     inputs, m = subject.inputs(light.rows), len(light.where.ax)
     model = Correction(*sizes, inputs)
-    urgent, index = torch.tensor(URGENT), light.order.clamp_max(ORDERS) - 1
-    weight = light.weight * urgent[index] / (m * RAYS)
+    index, weight = light.order.clamp_max(ORDERS) - 1, light.weight / RAYS
     paths = likelihood.Paths(model.standardised(inputs), index, weight, light.first)
-    rows, inverse = answers(light.where, seed + 5)
-    smith = subject.smith(rows) * (urgent * inverse[:, None] / len(inverse))
+    rows, inverse = answers(light.where, subject.kind.proposal, seed + 5)
+    smith = subject.smith(rows) * (inverse[:, None] / POINTS)
     points = likelihood.Points(model.standardised(subject.inputs(rows)), smith, POINTS)
     vector = model.initial(generator_for(seed + 1))
-    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}.npz"
+    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}-{steps}.npz"
     with progress_bar("likelihood", steps) as advance:
-        vector = likelihood.fitted(model, vector, paths, points, steps, seed + 2, kept, advance)
+        vector = likelihood.fitted(model, vector, paths, points, steps, kept, advance)
     with progress_bar("other outputs", OTHER_STEPS) as advance:
-        others = other_outputs(model, vector, paths.inputs, light, advance)
+        others = other_outputs(model, vector, paths.inputs, light, subject.kind.cosines, advance)
     pair, each = model.folded(vector)
     return joined(pair, model, others), each
 
 
-def answers(where: Rows, seed: int) -> tuple[Rows, Tensor]:
+def answers(where: Rows, proposed: Callable[[Beckmann], Proposal], seed: int) -> tuple[Rows, Tensor]:
     """POINTS directions out for each of these directions in, near where Smith's theory sends light, and 1 / their density.
 
     Integrals are summed there, for the very directions that light came from: nothing is learned from how many there were.
@@ -74,7 +72,7 @@ def answers(where: Rows, seed: int) -> tuple[Rows, Tensor]:
     found: list[list[Tensor]] = [[], []]
     u = draw(where.ax.shape, POINTS, 3, generator=generator_for(seed), sequence="sobol")
     for some in torch.arange(len(where.ax)).split(CHUNK // POINTS):
-        proposal = MetalProposal(Beckmann(where.ax[some, None], where.ay[some, None]))
+        proposal = proposed(Beckmann(where.ax[some, None], where.ay[some, None]))
         wi = split(where.wi[some, None])
         wo = proposal.sample(wi, u[some].unbind(-1))
         wo = Vec3(wo.x, wo.y, wo.z.clamp_min(LEAST_COSINE))
@@ -86,9 +84,9 @@ def answers(where: Rows, seed: int) -> tuple[Rows, Tensor]:
 
 
 def other_outputs(
-    model: Correction, vector: Tensor, inputs: Inputs, light: Light, advance: Callable[[int], None]
+    model: Correction, vector: Tensor, inputs: Inputs, light: Light, cosines: int, advance: Callable[[int], None]
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Last layer (4, hidden), offsets (4) and linear part (4, features) of three cosines and the fall, by least squares.
+    """Last layer, offsets and linear part of the cosines (3, or none) and the fall, by least squares.
 
     Of paths of k ≥ 2 bounces: (1 − c)⁵ is the mean of Σ (1 − c_l)⁵ / k, and 4 + r / (1 − r) that of k from four on.
     """
@@ -98,7 +96,7 @@ def other_outputs(
     with torch.no_grad():
         x = inputs.pair[some]
         known = torch.cat([model.pair.traced(pair, x).seen[-1], x], 1)
-    numbers = torch.zeros(4, known.shape[1] + 1, requires_grad=True)
+    numbers = torch.zeros(cosines + 1, known.shape[1] + 1, requires_grad=True)
     optimizer = torch.optim.LBFGS([numbers], max_iter=OTHER_STEPS, history_size=20, line_search_fn="strong_wolfe")
     which = order.clamp_max(ORDERS) - 2
     last = order >= ORDERS
@@ -106,10 +104,11 @@ def other_outputs(
     def loss() -> Tensor:
         optimizer.zero_grad(set_to_none=True)
         found = torch.addmm(numbers[:, -1], known, numbers[:, :-1].T)
-        cosine = 0.5 + 0.5 * soft_sign(found.gather(1, which[:, None])[:, 0])
-        fall = 0.5 * MOST_FALL * (1 + soft_sign(found[last, 3]))
-        each = ((1 - cosine) ** 5 - steep / order) ** 2
-        value = each.mean() + TAIL * ((4 + fall / (1 - fall) - order[last]) ** 2).sum() / len(order)
+        fall = fall_of(found[last, -1])
+        value = TAIL * ((4 + fall / (1 - fall) - order[last]) ** 2).sum() / len(order)
+        if cosines:
+            cosine = 0.5 + 0.5 * soft_sign(found.gather(1, which[:, None])[:, 0])
+            value = value + (((1 - cosine) ** 5 - steep / order) ** 2).mean()
         value.backward()
         return value
 
@@ -125,6 +124,4 @@ def joined(pair: Folded, model: Correction, others: tuple[Tensor, Tensor, Tensor
     layers, skip = pair
     linear = linear / model.spread
     last: Layer = (torch.cat([layers[-1][0], weight]), torch.cat([layers[-1][1], offset - linear @ model.mean]))
-    skip = torch.cat([skip, linear])
-    assert len(skip) == OUTPUTS
-    return [*layers[:-1], last], skip
+    return [*layers[:-1], last], torch.cat([skip, linear])

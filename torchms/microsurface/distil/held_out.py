@@ -9,11 +9,11 @@ from torch import Tensor
 
 from torchms.microsurface.rays.grid_walk import GridCaster
 from torchms.microsurface.simulation.exits import exits, stretched
-from torchms.microsurface.simulation.materials import MirrorFacets
+from torchms.microsurface.simulation.materials import FacetMaterial, MirrorFacets
 
 ROWS, COLUMNS = 32, 64
 """Cells of a lobe: equal steps of cos θ_o and of φ_o."""
-FINER = 4
+FINER = 8
 """Points along either edge of a cell at which a lobe is summed."""
 HALVES = 2
 ORDERS = 4
@@ -53,10 +53,12 @@ def shares(
     rays: int,
     seed: int,
     advance: Callable[[int], None] = lambda n: None,
+    facets: FacetMaterial | None = None,
 ) -> Tensor:
     """Share of the light in each cell of the lobe: (HALVES, cells, ORDERS, ROWS, COLUMNS), of even and of odd surfaces.
 
     casters: tiles of α = 1, by their number, which are stretched to each cell's roughness. rays: of each tile and cell.
+    facets: mirrors if not given.
     """
     found = np.zeros((HALVES, len(cells), ORDERS, ROWS * COLUMNS))
     for number in range(count):
@@ -64,7 +66,7 @@ def shares(
         for k, cell in enumerate(cells):
             wi = np.broadcast_to(cell.wi, (rays, 3))
             key = np.array([seed, number * 4096 + k], dtype=np.uint32)
-            left = exits(stretched(caster, cell.ax, cell.ay), MirrorFacets(), wi, key, LONGEST)
+            left = exits(stretched(caster, cell.ax, cell.ay), facets or MirrorFacets(), wi, key, LONGEST)
             up = left.order > 0
             place = binned(left.wo[up]) + ROWS * COLUMNS * (np.minimum(left.order[up].astype(int), ORDERS) - 1)
             counts = np.bincount(place, minlength=ORDERS * ROWS * COLUMNS).reshape(ORDERS, -1)

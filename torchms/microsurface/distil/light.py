@@ -1,6 +1,7 @@
 """Simulated light paths as rows: where each came from and where it left, after how many bounces; no bins."""
 
 import io
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,12 +10,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from torchms.approximations.distil.rows import Rows, surfaces
+from torchms.approximations.distil.rows import LEAST_COSINE, Rows
 from torchms.evaluation.workers import Workers
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.simulation.exits import exits, stretched
-from torchms.microsurface.simulation.materials import MirrorFacets
+from torchms.microsurface.simulation.materials import FacetMaterial
 from torchms.microsurface.surfaces.heightfield import Heightfield
 from torchms.sampling.uniforms import draw, generator_for
 from torchms.storage.archives import read_arrays
@@ -22,14 +23,17 @@ from torchms.storage.write import write_whole
 
 SIZE = 1024
 """Texels along each edge of a Gaussian tile, 16 a correlation length."""
-BATCHES, DIRECTIONS, RAYS = 16, 4, 2048
+BATCHES, DIRECTIONS, RAYS = 16, 32, 256
 """Roughnesses of one block, directions of incidence of each, and paths of each of those."""
 PATHS = BATCHES * DIRECTIONS * RAYS
 """Paths of a block."""
 LONGEST = 30
 """Most bounces that are followed."""
-KEPT = 0.1
+KEPT = 0.25
 """Share of the paths of one bounce that are kept; they stand for all of that direction."""
+MARGIN = 1.06
+"""Factor by which roughnesses reach beyond the range at either end, so that its ends are no ends of the training."""
+ANY = (0.1, 1.0)
 MOST_BYTES = 1 << 28
 COLUMNS = ("ax", "ay", "wi", "wo", "order", "steep")
 
@@ -52,29 +56,48 @@ class Light(NamedTuple):
     weight: Tensor
 
 
-def gaussian_block(alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
+def gaussian_block(facets: FacetMaterial, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
     """Light on one Gaussian tile that is stretched to BATCHES roughnesses."""
     caster = GridTracer().bind(Grid.of(Heightfield.gaussian(1.0, size=SIZE, seed=seed * 1000 + number)))
-    where = surfaces(alpha, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number))
+    where = incidence(alpha, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number))
     parts = []
     for k in range(BATCHES):
         some = slice(k * DIRECTIONS, (k + 1) * DIRECTIONS)
         ax, ay = float(where.ax[some][0]), float(where.ay[some][0])
-        parts.append(_traced(stretched(caster, ax, ay), (ax, ay), where.wi[some], (number, k)))
+        parts.append(_traced(stretched(caster, ax, ay), facets, (ax, ay), where.wi[some], (number, k)))
     return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
 
 
-def surface_block(caster: GridCaster, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
+def surface_block(
+    caster: GridCaster, facets: FacetMaterial, alpha: tuple[float, float], seed: int, number: int
+) -> dict[str, np.ndarray]:
     """Light on one explicit surface."""
-    wi = surfaces((0.1, 1.0), BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number)).wi
-    return _traced(caster, alpha, wi, (seed, number))
+    wi = incidence(ANY, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number)).wi
+    return _traced(caster, facets, alpha, wi, (seed, number))
 
 
-def _traced(caster: GridCaster, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]) -> dict[str, np.ndarray]:
+def incidence(alpha: tuple[float, float], count: int, generator: torch.Generator) -> Rows:
+    """Roughnesses and directions of incidence; wo is left at wi. Three of ten isotropic; all angles alike.
+
+    More roughnesses at either end of the range than between, as nodes of interpolation are.
+    """
+    u = draw((count,), 1, 5, generator=generator)[:, 0].unbind(-1)
+    low, high = alpha[0] / MARGIN, alpha[1] * MARGIN
+    ax, ay = (low + (high - low) * (0.5 - 0.5 * torch.cos(math.pi * x)) for x in u[:2])
+    theta, phi = 0.5 * math.pi * u[3], 2 * math.pi * u[4]
+    z = theta.cos().clamp_min(LEAST_COSINE)
+    r = (1 - z * z).sqrt()
+    wi = torch.stack([r * phi.cos(), r * phi.sin(), z], -1)
+    return Rows(ax, torch.where(u[2] < 0.3, ax, ay), wi, wi)
+
+
+def _traced(
+    caster: GridCaster, facets: FacetMaterial, alpha: tuple[float, float], wi: Tensor, key: tuple[int, int]
+) -> dict[str, np.ndarray]:
     """RAYS paths from each direction, one after the other; in turns, so that each is all over the tile."""
     unit = wi.double().numpy()
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
-    found = exits(caster, MirrorFacets(), np.tile(unit, (RAYS, 1)), np.array(key, dtype=np.uint32), LONGEST)
+    found = exits(caster, facets, np.tile(unit, (RAYS, 1)), np.array(key, dtype=np.uint32), LONGEST)
     n = len(unit)
     sorted_by = np.arange(n * RAYS).reshape(RAYS, n).T.ravel()
     ax, ay = (np.full(n * RAYS, a, dtype=np.float32) for a in alpha)
@@ -122,5 +145,11 @@ def loaded(folder: Path, count: int, seed: int) -> Light:
     ax, ay, wi, wo, order, steep, weight, ax0, ay0, wi0, kept = (
         torch.from_numpy(np.concatenate([part[name] for part in parts])) for name in parts[0]
     )
-    first = torch.cat([torch.zeros(1, dtype=torch.int64), kept.cumsum(0)])
-    return Light(Rows(ax0, ay0, wi0, wi0), first, Rows(ax, ay, wi, wo), order.long(), steep, weight)
+    # In an order of their own, so that any of them one after the other speak for all.
+    chosen = torch.randperm(len(kept), generator=generator_for(seed))
+    place = torch.empty_like(chosen)
+    place[chosen] = torch.arange(len(chosen))
+    by = torch.argsort(place.repeat_interleave(kept), stable=True)
+    first = torch.cat([torch.zeros(1, dtype=torch.int64), kept[chosen].cumsum(0)])
+    where = Rows(*(x[chosen] for x in (ax0, ay0, wi0, wi0)))
+    return Light(where, first, Rows(*(x[by] for x in (ax, ay, wi, wo))), order[by].long(), steep[by], weight[by])

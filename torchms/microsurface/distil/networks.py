@@ -8,7 +8,7 @@ from torch import Tensor
 from torchms.approximations.distil.squares import Net
 from torchms.approximations.distil.weights import Inputs
 from torchms.approximations.network import Layer
-from torchms.approximations.surface_lobes import ORDERS
+from torchms.approximations.surface_correction import MOST, ORDERS
 
 Folded = tuple[list[Layer], Tensor]
 """Layers and the linear part, for features as they are."""
@@ -41,17 +41,9 @@ class Correction:
         """c_k (n, ORDERS) of standardised features."""
         pair, each = self.parts(vector)
         found = self.pair.outputs(pair, inputs.pair)
-        return found + (self.each.outputs(each, inputs.one) + self.each.outputs(each, inputs.other))
-
-    def derivatives(self, vector: Tensor, inputs: Inputs, which: Tensor) -> Tensor:
-        """d c_k / d vector (n, length), k = which[n] for each row."""
-        pair, each = self.parts(vector)
-        chosen = torch.nn.functional.one_hot(which, ORDERS).to(vector.dtype)
-        columns = [self.pair.derivatives(pair, self.pair.traced(pair, inputs.pair), chosen)]
-        one, other = (
-            self.each.derivatives(each, self.each.traced(each, x), chosen) for x in (inputs.one, inputs.other)
+        return (found + (self.each.outputs(each, inputs.one) + self.each.outputs(each, inputs.other))).clamp(
+            -MOST, MOST
         )
-        return torch.cat([*columns, one + other], 1)
 
     def folded(self, vector: Tensor) -> tuple[Folded, Folded]:
         """Both networks for features as they are."""

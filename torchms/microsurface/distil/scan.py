@@ -1,6 +1,7 @@
-"""Light on one explicit surface of metal, from the height map to a file of lobes for `Distilled`."""
+"""Light on one explicit surface, from the height map to a file of lobes for `Distilled`."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,20 +11,23 @@ import torch
 from torch import Tensor
 
 from torchms.approximations import distilled_file as files
+from torchms.approximations.diffuse_surface_lobes import DiffuseSurfaceLobes
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.command import commit
 from torchms.approximations.distil.processes import processes, threads_of, wait_for_all
 from torchms.approximations.distil.rows import Rows
 from torchms.approximations.distil.training import inputs_of
 from torchms.approximations.free_features import free_features, free_features_of_one
-from torchms.approximations.surface_lobes import SurfaceLobes, as_beckmann, of_smith
+from torchms.approximations.surface_correction import as_beckmann
+from torchms.approximations.surface_lobes import SurfaceLobes
 from torchms.cli.progress import progress_bar
 from torchms.distributions import Tabulated
 from torchms.estimators import SingleBounce
 from torchms.fresnel import Ideal
 from torchms.maths.frame import Vec3, split
 from torchms.microsurface.distil import fit, held_out, light
-from torchms.microsurface.distil.smith import beckmann, smith_orders
+from torchms.microsurface.distil.kinds import KINDS
+from torchms.microsurface.distil.smith import smith_orders
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.surfaces.heightfield import Heightfield
@@ -41,10 +45,11 @@ class Effort:
     """How much light, and how long it is learned from."""
 
     blocks: int = 64
-    steps: int = 24
-    widths: tuple[int, ...] = (16, 12)
-    each: tuple[int, ...] = (8,)
+    steps: int = 2000
+    widths: tuple[int, ...] = (32, 24)
+    each: tuple[int, ...] = (16,)
     seed: int = 1
+    material: str = "conductor"
     held_out: int = 1 << 17
     threads: int | None = None
 
@@ -78,9 +83,10 @@ def distilled(
     tabulated = surface.distribution()
     ax, ay = (float(alpha) for alpha in tabulated.alphas)
     caster = GridTracer().bind(Grid.of(surface))
+    kind = KINDS[effort.material]
     opened(folder, {"version": __version__, "seed": effort.seed, **about})
     numbers = list(range(rank, effort.blocks, world))
-    block = partial(light.surface_block, caster, (ax, ay), effort.seed)
+    block = partial(light.surface_block, caster, kind.facets, (ax, ay), effort.seed)
     with progress_bar("light", len(numbers)) as advance:
         light.made(folder, numbers, block, threads_of(effort.threads, world), advance)
     wait_for_all(world)
@@ -89,7 +95,8 @@ def distilled(
     found = light.loaded(folder, effort.blocks, effort.seed)
     subject = fit.Subject(
         partial(inputs_of, "Beckmann", functions=(free_features, free_features_of_one)),
-        partial(smith_orders, first=tabulated),
+        partial(smith_orders, first=tabulated) if effort.material == "conductor" else kind.smith,
+        kind,
     )
     sizes = effort.widths, effort.each
     (layers, skip), each = fit.learned(subject, found, sizes, effort.steps, effort.seed, folder)
@@ -103,20 +110,23 @@ def distilled(
         **about,
     }
     made = files.Distillate(
-        "scan", "Tabulated", (0.99 * low, 1.01 * high), layers, skip, certificate, each, of_smith(beckmann()), slopes
+        *(f"scan{kind.suffix}", "Tabulated", (0.99 * low, 1.01 * high)),
+        *(layers, skip, certificate, each, kind.base(), slopes),
     )
     rows = report(caster, tabulated, made, effort)
-    errors = {name: round(max(row[name]["lobe_error"] for row in rows), 5) for name in MODELS}
+    errors = {name: round(max(row[name]["lobe_error"] for row in rows), 5) for name in MODELS if name in rows[0]}
     return made._replace(certificate=certificate | {"largest lobe error": errors}), rows
 
 
 MODELS = ("Smith, Beckmann", "Smith", "distilled")
-"""What is compared: Smith's theory with Beckmann of the same variances, with the surface's own slopes, and what was learned."""
+"""What is compared: Smith's theory with Beckmann of the same variances; of metal also with the surface's own slopes; and
+what was learned."""
 
 
 def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, effort: Effort) -> list[dict[str, Any]]:
     """Energies and lobes of `MODELS` against light with other random numbers, at four angles and azimuths."""
     ax, ay = (float(alpha) for alpha in tabulated.alphas)
+    kind, metal = KINDS[effort.material], effort.material == "conductor"
     cells = [
         held_out.Cell(1.0, 1.0, theta, 2 * math.pi * k / AZIMUTHS)
         for theta in ANGLES
@@ -124,10 +134,11 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
     ]
     with progress_bar("held-out light", held_out.HALVES) as advance:
         traced = held_out.shares(
-            lambda number: caster, held_out.HALVES, cells, effort.held_out, effort.seed + 77, advance
+            lambda number: caster,
+            *(held_out.HALVES, cells, effort.held_out, effort.seed + 77, advance),
+            kind.facets,
         )
-    lobes = SurfaceLobes(made)
-    facets, single = as_beckmann(tabulated), SingleBounce()
+    said = _metal(made, tabulated) if metal else _diffuse(made)
 
     def rows_of(cell: held_out.Cell, wo: Tensor) -> Rows:
         wi = torch.from_numpy(cell.wi).float().expand_as(wo)
@@ -137,13 +148,29 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
     def learned(cell: held_out.Cell, wo: Tensor) -> Tensor:
         wi = torch.from_numpy(cell.wi).float().expand_as(wo)
         i, o = (Vec3(*(x[None] for x in split(w))) for w in (wi, wo))
-        vertex = Mirror(tabulated, Ideal())
-        first = single.evaluate(vertex, i, o, ())[0]
-        return torch.stack([x[0, 0] for x in lobes.orders(first, facets, vertex.fresnel, i, o)], -1)
+        return torch.stack([x[0] for x in said(i, o)], -1)
 
-    models = {
-        MODELS[0]: held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo)), cells),
-        MODELS[1]: held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo), tabulated), cells),
-        MODELS[2]: held_out.integrated(learned, cells),
-    }
+    models = {MODELS[0]: held_out.integrated(lambda cell, wo: kind.smith(rows_of(cell, wo)), cells)}
+    if metal:
+        models[MODELS[1]] = held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo), tabulated), cells)
+    models[MODELS[2]] = held_out.integrated(learned, cells)
     return held_out.summary(cells, traced, models)
+
+
+def _metal(made: files.Distillate, tabulated: Tabulated) -> Callable[[Vec3, Vec3], list[Tensor]]:
+    """f cos θ_o [1/sr] of each order with F = 1."""
+    lobes, vertex, facets = SurfaceLobes(made), Mirror(tabulated, Ideal()), as_beckmann(tabulated)
+
+    def orders(wi: Vec3, wo: Vec3) -> list[Tensor]:
+        (first,) = SingleBounce().evaluate(vertex, wi, wo, ())
+        return [x[0] for x in lobes.orders(first, facets, vertex.fresnel, wi, wo)]
+
+    return orders
+
+
+def _diffuse(made: files.Distillate) -> Callable[[Vec3, Vec3], list[Tensor]]:
+    """f cos θ_o [1/sr] of each order with the albedo 1."""
+    lobes = DiffuseSurfaceLobes(made)
+    facets = lobes.facets
+    assert facets is not None
+    return lambda wi, wo: lobes.white(facets, wi, wo)[0]

@@ -1,8 +1,9 @@
-"""Smith's lobes of metal with F = 1, order by order and without noise: what a correction starts from."""
+"""Smith's lobes of facets that reflect all light, order by order and without noise: what a correction starts from."""
 
 import torch
 from torch import Tensor
 
+from torchms.approximations.diffuse_lobes import DiffuseLobes
 from torchms.approximations.distil.rows import Rows
 from torchms.approximations.distilled import packaged
 from torchms.approximations.distilled_file import Distillate
@@ -36,4 +37,15 @@ def smith_orders(rows: Rows, first: MicrofacetDistribution | None = None) -> Ten
         vertex = Mirror(distribution if first is None else first, Ideal())
         orders = [*single.evaluate(vertex, wi, wo, ()), *lobes.orders(distribution, vertex.fresnel, wi, wo)]
         parts.append(torch.stack([order[0, 0] for order in orders], -1))
+    return torch.cat(parts)
+
+
+@torch.no_grad()
+def smith_diffuse(rows: Rows) -> Tensor:
+    """f cos θ_o [1/sr] (n, 4) of one, two, three and more bounces between diffuse facets."""
+    lobes, parts = DiffuseLobes(packaged("Beckmann", "diffuse")), []
+    for begin in range(0, len(rows.ax), CHUNK):
+        some = rows.part(slice(begin, begin + CHUNK))
+        found, _ = lobes.white(Beckmann(some.ax, some.ay), split(some.wi), split(some.wo))
+        parts.append(torch.stack(found, -1))
     return torch.cat(parts)
