@@ -184,7 +184,9 @@ def eager(lab_set: Any, state: dict[str, Any], model: str) -> tuple[torch.Tensor
     surface = surface_of(lab_set, state, model)
     # One file draws directions for all chalk: its density holds whatever the roughness.
     chalk = state["material"] == "diffuse"
-    sampler = lab_set.surface("diffuse", "ggx", "single-bounce") if chalk else surface_of(lab_set, state, "single-bounce")
+    sampler = (
+        lab_set.surface("diffuse", "ggx", "single-bounce") if chalk else surface_of(lab_set, state, "single-bounce")
+    )
     wi, wo = (direction(math.radians(state[a]), math.radians(state[b])).float() for a, b in ANGLES)
     D = surface.n_uniforms
     exact = not surface.scattering.is_deterministic(surface.vertex)
