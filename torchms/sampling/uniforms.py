@@ -61,6 +61,11 @@ def integers(low: int, high: int, shape: Sequence[int], generator: torch.Generat
     return torch.randint(low, high, tuple(shape), generator=generator)
 
 
+def permutation(count: int, generator: torch.Generator | None = None) -> Tensor:
+    """The int64 numbers below `count` in a drawn order."""
+    return torch.randperm(count, generator=generator)
+
+
 def generator_for(seed: int) -> torch.Generator:
     """A CPU generator seeded with `seed`."""
     return torch.Generator().manual_seed(seed)

@@ -17,7 +17,7 @@ from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.simulation.exits import exits, stretched
 from torchms.microsurface.simulation.materials import FacetMaterial
 from torchms.microsurface.surfaces.heightfield import Heightfield
-from torchms.sampling.uniforms import draw, generator_for
+from torchms.sampling.uniforms import draw, generator_for, permutation
 from torchms.storage.archives import read_arrays
 from torchms.storage.write import write_whole
 
@@ -146,7 +146,7 @@ def loaded(folder: Path, count: int, seed: int) -> Light:
         torch.from_numpy(np.concatenate([part[name] for part in parts])) for name in parts[0]
     )
     # In an order of their own, so that any of them one after the other speak for all.
-    chosen = torch.randperm(len(kept), generator=generator_for(seed))
+    chosen = permutation(len(kept), generator_for(seed))
     place = torch.empty_like(chosen)
     place[chosen] = torch.arange(len(chosen))
     by = torch.argsort(place.repeat_interleave(kept), stable=True)
