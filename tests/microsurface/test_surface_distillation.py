@@ -90,12 +90,15 @@ def test_the_likelihood_is_highest_at_the_lobe(generator):
     white = light_there.reshape(64, -1).sum(1).repeat_interleave(8)[:, None]
     smith, light_there = smith / white, light_there / white
     points = likelihood.Points(inputs, smith, 8)
-    each = [type(inputs)(*(x.repeat_interleave(ORDERS, 0) for x in inputs)), torch.arange(ORDERS).repeat(len(where.ax))]
-    paths = likelihood.Paths(*each, light_there.flatten(), torch.arange(65) * 8 * ORDERS)
+    many, order = (
+        type(inputs)(*(x.repeat_interleave(ORDERS, 0) for x in inputs)),
+        torch.arange(ORDERS).repeat(len(where.ax)),
+    )
+    paths = likelihood.Paths(many, order, light_there.flatten(), torch.arange(65) * 8 * ORDERS)
 
     there = vector.clone().requires_grad_(True)
     likelihood.loss(model, there, paths, points).backward()
-    assert float(there.grad.abs().max()) < 1e-5
+    assert there.grad is not None and float(there.grad.abs().max()) < 1e-5
     for _ in range(5):
         step = 0.1 * torch.randn(len(vector), generator=generator)
         said = [float(likelihood.loss(model, v, paths, points)) for v in (vector + step, vector)]

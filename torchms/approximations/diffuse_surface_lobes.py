@@ -4,7 +4,8 @@ from torch import Tensor
 
 from torchms.approximations.diffuse_lobes import DiffuseLobes
 from torchms.approximations.distilled_file import Distillate
-from torchms.approximations.surface_correction import ORDERS, SurfaceCorrection, facets_of, fall_of
+from torchms.approximations.metal_lobes import fall_of
+from torchms.approximations.surface_correction import ORDERS, SurfaceCorrection, facets_of
 from torchms.distributions.base import EllipticDistribution
 from torchms.maths.frame import Vec3
 from torchms.paths.diffuse import Diffuse
@@ -28,7 +29,7 @@ class DiffuseSurfaceLobes(DiffuseLobes):
 
     def white(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> tuple[list[Tensor], Tensor]:
         lobes, _ = super().white(distribution, wi, wo)
-        factors, (fall,) = self.correction.factors(distribution, wi, wo)
+        factors, (fall,) = self.correction.factors(*self.correction.inputs(distribution, wi, wo))
         return [lobe * factor for lobe, factor in zip(lobes, factors, strict=True)], fall_of(fall)
 
 

@@ -18,7 +18,7 @@ from torchms.approximations.network import Network, soft_sign
 from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel.base import Fresnel
 from torchms.fresnel.ideal import Ideal
-from torchms.maths.frame import Vec3
+from torchms.maths.frame import Vec3, stacked
 
 OUTPUTS = 4
 """ln g; logarithms of the shares of the orders 2 and 3 over that of the others; r."""
@@ -40,8 +40,17 @@ class Rest(NamedTuple):
 def heads(outputs: Sequence[Tensor]) -> tuple[Tensor, Tensor, Tensor]:
     """Ratios of the shares of the orders 2 and 3 to that of the others, and r, from all outputs but ln g."""
     second, third, fall = outputs
-    a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
-    return a, b, (0.5 * MOST_FALL) * (1 + soft_sign(fall))
+    return *ratios(second, third), fall_of(fall)
+
+
+def ratios(second: Tensor, third: Tensor) -> tuple[Tensor, Tensor]:
+    """Of the shares of the orders 2 and 3 to that of the others, from what a network says."""
+    return torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
+
+
+def fall_of(output: Tensor) -> Tensor:
+    """The ratio of one order from four on to the one before it, from what a network says."""
+    return (0.5 * MOST_FALL) * (1 + soft_sign(output))
 
 
 class MetalLobes(nn.Module):
@@ -65,8 +74,7 @@ class MetalLobes(nn.Module):
 
     def _rest(self, distribution: EllipticDistribution, of_pair: list[Tensor], wi: Vec3, wo: Vec3) -> Rest:
         level, *others = self.network(of_pair)
-        both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
-        one, other = self.each(features_of_one(distribution, both))[0]
+        one, other = self.each(features_of_one(distribution, stacked(wi, wo)))[0]
         g = torch.exp((level + (one + other)).clamp(*EXPONENT))
         a, b, fall = heads(others)
         last = g / (1 + a + b)

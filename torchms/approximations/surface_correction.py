@@ -6,19 +6,17 @@ from torch import Tensor, nn
 from torchms.approximations.distilled_file import Distillate
 from torchms.approximations.free_features import free_features, free_features_of_one
 from torchms.approximations.metal_features import features, features_of_one
-from torchms.approximations.network import Network, soft_sign
+from torchms.approximations.network import Network
 from torchms.approximations.pair_features import root_sign
 from torchms.distributions.base import EllipticDistribution
 from torchms.distributions.beckmann import Beckmann
 from torchms.distributions.tabulated import Tabulated
-from torchms.maths.frame import Vec3
+from torchms.maths.frame import Vec3, stacked
 
 ORDERS = 4
 """Orders with a correction of their own; the last is of four bounces and more."""
 MOST = 8.0
 """Largest |ln| of a correction."""
-MOST_FALL = 0.95
-"""Largest ratio of one order to the one before it."""
 
 
 class SurfaceCorrection(nn.Module):
@@ -35,19 +33,17 @@ class SurfaceCorrection(nn.Module):
         self.each = Network(*distillate.each, root_sign)
         self.free = distillate.slopes is not None
 
-    def factors(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> tuple[list[Tensor], list[Tensor]]:
-        """Kernel: the factors of the orders 1, 2, 3 and ≥ 4, and what else the network says; both directions above."""
+    def inputs(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> tuple[list[Tensor], list[Tensor]]:
+        """Kernel: features of the pair, and of both directions; both above the horizon."""
         of_pair, of_one = (free_features, free_features_of_one) if self.free else (features, features_of_one)
-        both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
-        outputs = self.network(of_pair(distribution, wi, wo))
-        each = [one + other for one, other in self.each(of_one(distribution, both))]
+        return of_pair(distribution, wi, wo), of_one(distribution, stacked(wi, wo))
+
+    def factors(self, of_pair: list[Tensor], of_both: list[Tensor]) -> tuple[list[Tensor], list[Tensor]]:
+        """Kernel, from `inputs`: the factors of the orders 1, 2, 3 and ≥ 4, and what else the network says."""
+        outputs = self.network(of_pair)
+        each = [one + other for one, other in self.each(of_both)]
         factors = [torch.exp((c + e).clamp(-MOST, MOST)) for c, e in zip(outputs[:ORDERS], each, strict=True)]
         return factors, outputs[ORDERS:]
-
-
-def fall_of(output: Tensor) -> Tensor:
-    """What is left of one order from four on of the one before it, of what a network says."""
-    return (0.5 * MOST_FALL) * (1 + soft_sign(output))
 
 
 def as_beckmann(tabulated: Tabulated) -> Beckmann:

@@ -13,12 +13,12 @@ from torch import Tensor, nn
 
 from torchms.approximations.distilled_file import Distillate
 from torchms.approximations.metal_features import above, features, features_of_one
-from torchms.approximations.metal_lobes import EXPONENT
+from torchms.approximations.metal_lobes import EXPONENT, fall_of, ratios
 from torchms.approximations.network import Network, soft_sign
-from torchms.approximations.surface_correction import ORDERS, SurfaceCorrection, facets_of, fall_of
+from torchms.approximations.surface_correction import ORDERS, SurfaceCorrection, facets_of
 from torchms.distributions.base import EllipticDistribution
 from torchms.fresnel.base import Fresnel
-from torchms.maths.frame import Vec3
+from torchms.maths.frame import Vec3, stacked
 
 OUTPUTS = ORDERS + 4
 """Corrections, facet cosines of the orders 2, 3 and ≥ 4, and the fall of the last."""
@@ -55,12 +55,13 @@ class SurfaceLobes(nn.Module):
 
     def rest(self, distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> Corrected:
         """Kernel; both directions above the horizon."""
-        both = Vec3(*(torch.stack(torch.broadcast_tensors(a, b)) for a, b in zip(wi, wo, strict=True)))
-        level, second, third = self.smith(features(distribution, wi, wo))
-        one, other = self.smith_each(features_of_one(distribution, both))[0]
-        a, b = torch.exp(second.clamp(-9.0, 9.0)), torch.exp(third.clamp(-9.0, 9.0))
+        smiths = features(distribution, wi, wo), features_of_one(distribution, stacked(wi, wo))
+        level, second, third = self.smith(smiths[0])
+        one, other = self.smith_each(smiths[1])[0]
+        a, b = ratios(second, third)
         last = torch.exp((level + (one + other)).clamp(*EXPONENT)) / (1 + a + b)
-        (first, *factors), (*cosines, fall) = self.correction.factors(distribution, wi, wo)
+        found = self.correction.inputs(distribution, wi, wo) if self.correction.free else smiths
+        (first, *factors), (*cosines, fall) = self.correction.factors(*found)
         return Corrected(
             first,
             [lobe * factor for lobe, factor in zip((last * a, last * b, last), factors, strict=True)],

@@ -11,10 +11,11 @@ from torchms.approximations import distilled_file
 from torchms.cli.arguments import parse_count
 from torchms.cli.plain_options import DistilOptions
 from torchms.microsurface.distil import light, scan
+from torchms.microsurface.surfaces.files import IMAGE_SUFFIXES
 from torchms.microsurface.surfaces.heightfield import Heightfield
 from torchms.storage.write import check_writable, write_json
 
-SILENT = (".npy", ".png", ".tif", ".tiff")
+SILENT = (".npy", *IMAGE_SUFFIXES)
 """Files that say nothing of their units."""
 
 

@@ -102,6 +102,11 @@ def plus(w: Vec3, d: Vec3) -> Vec3:
     return Vec3(w.x + d.x, w.y + d.y, w.z + d.z)
 
 
+def stacked(a: Vec3, b: Vec3) -> Vec3:
+    """Both, along a first axis."""
+    return Vec3(*(torch.stack(torch.broadcast_tensors(x, y)) for x, y in zip(a, b, strict=True)))
+
+
 def half_vector(w: Vec3, d: Vec3) -> Vec3:
     """(w + d) / |w + d|."""
     return normalized(plus(w, d))

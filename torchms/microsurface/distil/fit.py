@@ -9,8 +9,9 @@ from torch import Tensor
 
 from torchms.approximations.distil.rows import LEAST_COSINE, Rows
 from torchms.approximations.distil.weights import Inputs
+from torchms.approximations.metal_lobes import fall_of
 from torchms.approximations.network import Layer, soft_sign
-from torchms.approximations.surface_correction import ORDERS, fall_of
+from torchms.approximations.surface_correction import ORDERS
 from torchms.cli.progress import progress_bar
 from torchms.distributions import Beckmann
 from torchms.maths.frame import Vec3, join, split

@@ -101,7 +101,6 @@ def distilled(
     sizes = effort.widths, effort.each
     (layers, skip), each = fit.learned(subject, found, sizes, effort.steps, effort.seed, folder)
     low, high = sorted((ax, ay))
-    slopes = tabulated.mixture
     certificate = {
         "torchms": __version__,
         "torch": torch.__version__,
@@ -109,10 +108,9 @@ def distilled(
         "paths": len(found.where.ax) * light.RAYS,
         **about,
     }
-    made = files.Distillate(
-        *(f"scan{kind.suffix}", "Tabulated", (0.99 * low, 1.01 * high)),
-        *(layers, skip, certificate, each, kind.base(), slopes),
-    )
+    facet, alpha = f"scan{kind.suffix}", (0.99 * low, 1.01 * high)
+    base, slopes = kind.base(), tabulated.mixture
+    made = files.Distillate(facet, "Tabulated", alpha, layers, skip, certificate, each, base, slopes)
     rows = report(caster, tabulated, made, effort)
     errors = {name: round(max(row[name]["lobe_error"] for row in rows), 5) for name in MODELS if name in rows[0]}
     return made._replace(certificate=certificate | {"largest lobe error": errors}), rows
@@ -133,11 +131,8 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
         for k in range(AZIMUTHS if theta > 0 else 1)
     ]
     with progress_bar("held-out light", held_out.HALVES) as advance:
-        traced = held_out.shares(
-            lambda number: caster,
-            *(held_out.HALVES, cells, effort.held_out, effort.seed + 77, advance),
-            kind.facets,
-        )
+        rays, seed = effort.held_out, effort.seed + 77
+        traced = held_out.shares(lambda number: caster, held_out.HALVES, cells, rays, seed, advance, kind.facets)
     said = _metal(made, tabulated) if metal else _diffuse(made)
 
     def rows_of(cell: held_out.Cell, wo: Tensor) -> Rows:

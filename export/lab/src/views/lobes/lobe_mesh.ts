@@ -64,40 +64,8 @@ export class LobeMesh {
     if (geometry.index?.count !== grid.triangles.length)
       geometry.setIndex(new THREE.BufferAttribute(grid.triangles, 1));
     put(geometry, "position", positions);
-    put(geometry, "normal", normals(positions, grid.triangles));
+    geometry.computeVertexNormals();
   }
-}
-
-/** Normals at the corners: those of the triangles around each, by their areas. */
-function normals(p: Float32Array, triangles: Uint32Array): Float32Array {
-  const found = new Float32Array(p.length);
-  for (let t = 0; t < triangles.length; t += 3) {
-    const [a, b, c] = [3 * at(triangles, t), 3 * at(triangles, t + 1), 3 * at(triangles, t + 2)];
-    const [ux, uy, uz] = [at(p, b) - at(p, a), at(p, b + 1) - at(p, a + 1), at(p, b + 2) - at(p, a + 2)];
-    const [vx, vy, vz] = [at(p, c) - at(p, a), at(p, c + 1) - at(p, a + 1), at(p, c + 2) - at(p, a + 2)];
-    const [nx, ny, nz] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
-    add(found, a, nx, ny, nz);
-    add(found, b, nx, ny, nz);
-    add(found, c, nx, ny, nz);
-  }
-  for (let i = 0; i < found.length; i += 3) {
-    const [x, y, z] = [at(found, i), at(found, i + 1), at(found, i + 2)];
-    const scale = 1 / (Math.sqrt(x * x + y * y + z * z) || 1);
-    found[i] = x * scale;
-    found[i + 1] = y * scale;
-    found[i + 2] = z * scale;
-  }
-  return found;
-}
-
-function at(array: Float32Array | Uint32Array, i: number): number {
-  return array[i] as number;
-}
-
-function add(to: Float32Array, i: number, x: number, y: number, z: number): void {
-  to[i] = at(to, i) + x;
-  to[i + 1] = at(to, i + 1) + y;
-  to[i + 2] = at(to, i + 2) + z;
 }
 
 /** Distance for a value: in proportion, or the decades below `top`. */
