@@ -37,8 +37,8 @@ PYTEST := OMP_NUM_THREADS=1 MALLOC_MMAP_THRESHOLD_=33554432 MALLOC_TRIM_THRESHOL
 test: $(STAMP)  ## the suite without the slow checks
 	$(PYTEST) -n 2 -m "not slow"
 
-test-all: $(STAMP)  ## the whole suite
-	$(PYTEST) -n 2
+test-all: $(STAMP)  ## the whole suite, with the types of all calls inside the package
+	$(PYTEST) -n 2 --jaxtyping-packages=torchms,beartype.beartype
 
 pictures: $(STAMP)  ## the picture at the head of the README; two furnaces, gold and glass for the docs (about five minutes)
 	$(BIN)/python -m tools.hero docs/images/hero.png

@@ -1,4 +1,5 @@
-"""Shape aliases of the public surface. Shapes are types: they are enforced under pytest, and only there.
+"""Shape aliases of the public surface. Shapes are types: they are enforced under pytest, and only there, in the modules that
+import them (setup.cfg has the list).
 
 `*#batch` broadcasts. Kernels inside the package work on components and are annotated with plain `Tensor`.
 """

@@ -10,6 +10,7 @@ from torch import nn
 import torchms
 from torchms import (
     GGX,
+    GTR,
     Beckmann,
     Bidirectional,
     Invariance,
@@ -23,6 +24,7 @@ from torchms.approximations import AlbedoTable
 from torchms.bsdfs import compile as compiled
 from torchms.evaluation import engine, run
 from torchms.fresnel import Conductor, Dielectric, Schlick
+from torchms.machine.record import Recorder, UnknownOperation, record
 
 SMALL = 64
 CLOSE = {"rtol": 2e-4, "atol": 2e-6}
@@ -181,3 +183,23 @@ def test_exchanged_parts_compile_anew(generator: torch.Generator) -> None:
 def test_takes_a_bsdf_only(messages: None) -> None:
     with pytest.raises(TypeError, match=r"takes a BSDF .* got GGX"):
         torchms.compile(GGX(0.5))
+
+
+def test_a_surface_with_a_spline(generator):
+    """GTR with one α and one γ: eager, a spline looked up by the angle; no program can look up by a number."""
+    wi, wo = directions(100, generator), directions(100, generator)
+    for alpha, gamma in ((0.7, 1.6), (0.2, 1.1)):
+        surface = RoughConductor(GTR(alpha, gamma), Schlick([0.9, 0.5]), SingleBounce())
+        fast = torchms.compile(surface, verbose=False)
+        torch.testing.assert_close(fast(wi, wo), surface(wi, wo), **CLOSE)
+
+
+def test_a_look_up_by_a_number_is_refused():
+    """Not written down with the place that it had while it was recorded."""
+
+    def looked_up(recorder: Recorder) -> list[torch.Tensor]:
+        table, x = recorder.shared(torch.arange(4.0)), recorder.column(torch.float32)
+        return [table[(3 * x).to(torch.int64)]]
+
+    with pytest.raises(UnknownOperation, match="indices that depend on the numbers"):
+        record(looked_up)

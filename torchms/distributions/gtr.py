@@ -10,6 +10,7 @@ from torchms.distributions.gtr_area import downward_area, incidence
 from torchms.distributions.gtr_spline import downward_area_by_spline
 from torchms.distributions.gtr_visible import visible_normal
 from torchms.maths.frame import Vec3
+from torchms.maths.numerics import is_recorded
 from torchms.maths.ratios import exp_ratio
 
 
@@ -18,8 +19,8 @@ class GTR(MicrofacetDistribution):
 
     `alpha`: roughness in [0.01, 1]; `gamma`: in (0, 10]. Float, tensor or per-pixel map (*batch), buffer or
     `nn.Parameter`. All of Λ, G1 and the visible normals are those of this γ: sums that converge geometrically, at every
-    direction in float64 and for maps of α or γ. In float32, with one α and one γ, the sums are taken at 384 angles and
-    a spline goes through them: |ΔG1| < 1e-6, |ΔΛ| / Λ < 3e-5, at a twentieth of the cost.
+    direction in float64, compiled and for maps of α or γ. Eager and in ONNX, in float32 with one α and one γ, the sums are
+    taken at 384 angles and a spline goes through them: |ΔG1| < 1e-6, |ΔΛ| / Λ < 3e-5, at a twentieth of the cost.
     Raises ValueError outside the ranges.
     """
 
@@ -57,7 +58,7 @@ class GTR(MicrofacetDistribution):
         below = w.z < 0
         # Not abs(): its gradient at the horizon is 0.
         z = torch.where(below, -w.z, w.z)
-        if self.alpha.dtype == torch.float32 and self.alpha.ndim == 0 == self.gamma.ndim:
+        if self.alpha.dtype == torch.float32 and self.alpha.ndim == 0 == self.gamma.ndim and not is_recorded():
             down = downward_area_by_spline(self.alpha, self.gamma, z, w.x * w.x + w.y * w.y)
         else:
             down = downward_area(incidence(self.alpha, self.gamma, w))

@@ -67,6 +67,9 @@ class Recorder(TorchDispatchMode):
     holds: whether `detach` is an operation of the program, for who differentiates that, or only another name of a number.
     """
 
+    one_element = True
+    """For `torchms.maths.numerics.is_recorded`."""
+
     def __init__(self, holds: bool = False) -> None:
         super().__init__()
         self.holds = holds
@@ -114,6 +117,8 @@ class Recorder(TorchDispatchMode):
                 return self.values.note(out, computed(self.values, plain, out, args, kwargs))
             except NotImplementedError as error:
                 raise UnknownOperation(str(error)) from error
+        if name in PICKS and any(self.values.knows(a) for a in tree_leaves(args[1:]) if isinstance(a, Tensor)):
+            raise UnknownOperation(f"{func} with indices that depend on the numbers")
         indices = (self.values.of(args[0]), *args[1:]) if name in PICKS else tree_map(self._indices, args)
         moved = func(*indices, **kwargs)
         for one, values in zip(_several(out), _several(moved), strict=True):

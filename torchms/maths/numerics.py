@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 from torch._C._functorch import peek_interpreter_stack
 from torch.autograd import forward_ad
+from torch.utils._python_dispatch import _get_current_dispatch_mode_stack
 
 
 def widened(x: Tensor) -> Tensor:
@@ -48,6 +49,11 @@ def is_readable(x: Tensor) -> bool:
         and torch._C._len_torch_function_stack() == 0
         and peek_interpreter_stack() is None
     )
+
+
+def is_recorded() -> bool:
+    """Whether what is done is written down operation by operation, for one element: a look-up by a number cannot be."""
+    return any(getattr(mode, "one_element", False) for mode in _get_current_dispatch_mode_stack())
 
 
 def smallest(dtype: torch.dtype) -> float:
