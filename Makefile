@@ -101,6 +101,8 @@ LAB_MODELS := $(LAB)/public/models/models.json
 $(LAB)/node_modules/.package-lock.json: $(LAB)/package.json $(LAB)/package-lock.json
 	npm ci --ignore-scripts --no-audit --no-fund --prefix $(LAB)
 
+# Interrupted, make lab goes on where it was: the list says what is there.
+.PRECIOUS: $(LAB_MODELS)
 $(LAB_MODELS): $(STAMP) export/lab_set.py export/diagrams.py $(wildcard torchms/approximations/*.npz)
 	$(BIN)/python -m export.lab_set
 

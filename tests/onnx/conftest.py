@@ -12,6 +12,7 @@ pytest.importorskip("onnxscript", reason="needs the onnx extra: pip install torc
 pytest.importorskip("onnxruntime", reason="needs the onnx extra: pip install torchms[onnx]")
 
 from exported_files import FILES
+from lab_page import build
 
 from torchms.onnx.exporter import exported
 from torchms.storage.write import write_whole
@@ -43,3 +44,9 @@ def exported_file(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], P
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The lobe lab, built."""
+    return build(tmp_path_factory.mktemp("lab") / "built")

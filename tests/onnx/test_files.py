@@ -1,6 +1,7 @@
 """What an exported file holds, that it gives eager's numbers, and what the exporter refuses."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -43,6 +44,20 @@ def test_valid_and_without_a_trace_of_the_machine(name: str, exported_file: File
     model = onnx.load_model_from_string(content)
     assert not any(node.metadata_props or node.doc_string for node in model.graph.node)
     assert len(content) < 150_000
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_shape_follows_from_the_few_that_are_written(name: str, exported_file: File) -> None:
+    """Or else a runtime takes its time to plan its memory."""
+    model = onnx.load(exported_file(name))
+    assert len(model.graph.value_info) <= len(model.graph.node) / 10
+    free = {axis.dim_param for each in model.graph.input for axis in each.type.tensor_type.shape.dim} - {""}
+    for value in onnx.shape_inference.infer_shapes(model).graph.value_info:
+        assert value.type.tensor_type.HasField("shape"), value.name
+        for axis in value.type.tensor_type.shape.dim:
+            # A length, or an expression such as 2*batch.
+            names = set(re.findall(r"[a-z_]\w*", axis.dim_param))
+            assert axis.HasField("dim_value") or (names and names <= free), value
 
 
 def test_metadata(exported_file: File) -> None:

@@ -10,30 +10,19 @@ import math
 import os
 import random
 import shutil
-import subprocess
 import sys
-import threading
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from lab_page import ROOT, driven
 
-from torchms.cli.lab import server
 from torchms.maths.frame import direction
 
-ROOT = Path(__file__).parents[2]
-LAB = ROOT / "export" / "lab"
-LISTING = LAB / "public" / "models" / "models.json"
-LOBES = ROOT / "torchms" / "approximations"
 KOROBOV, FINE = 1564, 8191
 PATHS = 2
-
-
-def chromium() -> str | None:
-    places = (os.environ.get("CHROMIUM"), "/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")
-    return next((place for place in places if place and Path(place).exists()), None)
 
 
 @pytest.fixture(scope="module")
@@ -43,27 +32,6 @@ def lab_set() -> Any:
         return importlib.import_module("export.lab_set")
     finally:
         sys.path.remove(str(ROOT))
-
-
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The page as it is now, with the evaluators that `make lab` wrote."""
-    npm = shutil.which("npm")
-    if npm is None or shutil.which("node") is None:
-        pytest.skip("node is not installed")
-    if chromium() is None:
-        pytest.skip("there is no Chromium: apt-get install chromium, or name one in $CHROMIUM")
-    if not (LAB / "node_modules" / "playwright-core").is_dir():
-        pytest.skip("the lab's packages are not installed: npm ci --ignore-scripts --prefix export/lab")
-    if not LISTING.is_file():
-        pytest.skip("the lab's evaluators are not written: make lab (about 20 minutes of one core, once)")
-    written = LISTING.stat().st_mtime
-    if any(file.stat().st_mtime > written for file in LOBES.glob("distilled_*.npz")):
-        pytest.skip("the lab's evaluators are older than the lobes in the package: make lab")
-    folder = tmp_path_factory.mktemp("lab") / "built"
-    command = [npm, "run", "build", "--prefix", str(LAB), "--", "--outDir", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
-    return folder
 
 
 def evaluators(built: Path) -> list[tuple[str, str, str]]:
@@ -135,14 +103,7 @@ def seen(built: Path, lab_set: Any, tmp_path_factory: pytest.TempPathFactory) ->
         "taken": str(folder / "mine.onnx"),
     }
     (folder / "plan.json").write_text(json.dumps(plan))
-    with server(built, 0) as running:
-        threading.Thread(target=running.serve_forever, daemon=True).start()
-        url = f"http://127.0.0.1:{running.server_address[1]}/"
-        command = ["node", str(LAB / "drive" / "check.mjs"), url, str(folder / "plan.json")]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
-        running.shutdown()
-    assert done.returncode == 0, done.stderr[-4000:]
-    return json.loads(done.stdout.splitlines()[-1]) | {"says": says}
+    return driven(built, "check.mjs", str(folder / "plan.json")) | {"says": says}
 
 
 def uniforms(seed: int, n: int) -> np.ndarray:

@@ -11,6 +11,7 @@ import torch
 from torchms.onnx.double import refuse_float32
 from torchms.onnx.graph import Graph
 from torchms.onnx.metadata import OPSET, on_one_line
+from torchms.onnx.shapes import keep_needed
 
 
 def traced(graph: Graph) -> Any:
@@ -42,8 +43,7 @@ def traced(graph: Graph) -> Any:
     if graph.bsdf.dtype == torch.float64:
         refuse_float32(program.model, graph)
     model = ir.serde.serialize_model(program.model)
-    # Shapes of what lies between inputs and outputs: two fifths of a file, and every reader infers them itself.
-    del model.graph.value_info[:]
+    keep_needed(model)
     return model
 
 

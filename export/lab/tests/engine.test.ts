@@ -7,7 +7,7 @@ import { Latest } from "../src/engine/latest";
 import type { Job, Output } from "../src/engine/messages";
 import { Manifest, MIRROR, type Entry } from "../src/files/manifest";
 import { Orders } from "../src/numbers/orders";
-import { mainModel, shown } from "../src/views/context";
+import { mainModel, nameOf, secondModel, shown } from "../src/views/context";
 import { bar, shares } from "../src/views/energy/bars";
 import { csv } from "../src/takeaway/csv";
 import { yTicks } from "../src/ui/line_chart";
@@ -108,6 +108,23 @@ describe("models", () => {
     expect(mainModel(manifest, { ...START, model: "exact" })?.model).toBe("invariance");
     expect(mainModel(manifest, { ...START, material: "diffuse" })).toBeNull();
     expect(shown(manifest, brushed, ["kulla-conty", "distilled"]).map((e) => e.model)).toEqual(["distilled"]);
+  });
+
+  it("are held against another one where the chosen one is missing", () => {
+    const entries = ["invariance", "distilled"].map((model) => {
+      const about = { what: "orders", material: "diffuse", distribution: "ggx" } as const;
+      return { ...about, file: model, bytes: 1, model, exact: model === "invariance" };
+    });
+    const chalk = new Manifest("0", entries, {});
+    const against = (name: string): string => {
+      const state = { ...START, material: "diffuse", against: name } as const;
+      return `${nameOf(mainModel(chalk, state))} − ${nameOf(secondModel(chalk, state))}`;
+    };
+    expect(["kulla-conty", "exact", "distilled"].map(against)).toEqual([
+      "distilled − exact",
+      "distilled − exact",
+      "distilled − distilled",
+    ]);
   });
 
   it("have a perfect mirror", () => expect(manifest.metals.get(MIRROR)?.k).toEqual([1e5, 1e5, 1e5]));

@@ -4,6 +4,7 @@ import { MIRROR, type Manifest } from "../files/manifest";
 import { menu, segmented, slider, toggle } from "../ui/controls";
 import { el } from "../ui/dom";
 import { modelStyle } from "../ui/palette";
+import { mainModel, nameOf, secondModel } from "../views/context";
 import { modelChoice } from "./model_choice";
 import type { State, View } from "./state";
 import type { Store } from "./store";
@@ -132,14 +133,11 @@ function models(store: Store, manifest: Manifest): HTMLElement {
     manifest
       .models(state)
       .filter((m) => m.reason === null)
-      .map(({ entry }) => {
-        const name = entry.exact && !entry.model?.startsWith("dropped") ? "exact" : (entry.model ?? "");
-        return [name, modelStyle(entry.model ?? "").name] as const;
-      });
+      .map(({ entry }) => [nameOf(entry), modelStyle(entry.model ?? "").name] as const);
   return group(
     "Models",
-    menu(store, "model", "In 3-D and numbers", named),
-    menu(store, "against", "Held against", named),
+    menu(store, "model", "In 3-D and numbers", named, (state) => nameOf(mainModel(manifest, state))),
+    menu(store, "against", "Held against", named, (state) => nameOf(secondModel(manifest, state))),
     modelChoice(store, manifest),
   );
 }

@@ -72,12 +72,13 @@ export function segmented<K extends keyof State>(
   return el("div", { class: "field", "data-key": key }, el("span", { class: "caption" }, label), group);
 }
 
-/** One of several words, as a menu; `options` may change with the state. */
+/** One of several words, as a menu; `options` may change with the state, and `chosen` says which one it stands for. */
 export function menu<K extends keyof State>(
   store: Store,
   key: K,
   label: string,
   options: (state: State) => readonly (readonly [string, string])[],
+  chosen: (state: State) => string = (state) => String(state[key]),
 ): HTMLElement {
   const select = el("select", { id: `set-${key}` });
   const follow = (state: State): void => {
@@ -85,7 +86,7 @@ export function menu<K extends keyof State>(
     if (wanted.map(String).join() !== [...select.options].map((o) => `${o.value},${o.text}`).join()) {
       select.replaceChildren(...wanted.map(([value, text]) => el("option", { value }, text)));
     }
-    select.value = String(state[key]);
+    select.value = chosen(state);
   };
   select.addEventListener("change", () => store.set({ [key]: select.value }));
   store.subscribe(follow);

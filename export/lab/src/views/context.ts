@@ -40,17 +40,31 @@ export function shown(manifest: Manifest, state: State, names: readonly string[]
   return list;
 }
 
-/** The model of 3-D and numbers: the chosen one, or the first that holds (exact, then Distilled). */
-export function mainModel(manifest: Manifest, state: State): Entry | null {
-  const list = manifest.models(state).filter((m) => m.reason === null);
-  const named = (name: string): Entry | undefined => list.find((m) => m.entry.model === name)?.entry;
-  const wanted = state.model === "invariance" || state.model === "height-walk" ? "exact" : state.model;
-  const exact = list.find((m) => m.entry.exact)?.entry;
-  return (wanted === "exact" ? exact : named(wanted)) ?? named("distilled") ?? exact ?? list[0]?.entry ?? null;
+/** The models that hold for the surface, the exact one first. */
+function holding(manifest: Manifest, state: State): Entry[] {
+  return manifest.models(state).flatMap(({ entry, reason }) => (reason === null ? [entry] : []));
 }
 
-/** The model against which the first is held; the exact one stands for either of its names. */
+/** The one of this name; the exact one stands for either of its names. */
+function named(list: readonly Entry[], name: string): Entry | undefined {
+  const exact = name === "exact" || name === "invariance" || name === "height-walk";
+  return list.find((entry) => (exact ? entry.exact : entry.model === name));
+}
+
+/** The model of 3-D and numbers: the chosen one, or the first that holds (Distilled, then exact). */
+export function mainModel(manifest: Manifest, state: State): Entry | null {
+  const list = holding(manifest, state);
+  return named(list, state.model) ?? named(list, "distilled") ?? named(list, "exact") ?? list[0] ?? null;
+}
+
+/** The model against which the first is held: the chosen one, or another one that holds. */
 export function secondModel(manifest: Manifest, state: State): Entry | null {
-  const against = mainModel(manifest, { ...state, model: state.against });
-  return against ?? null;
+  const list = holding(manifest, state);
+  const main = mainModel(manifest, state);
+  return named(list, state.against) ?? list.find((entry) => entry !== main) ?? main;
+}
+
+/** How the state calls a model of the list. */
+export function nameOf(entry: Entry | null): string {
+  return entry?.exact && !entry.model?.startsWith("dropped") ? "exact" : (entry?.model ?? "");
 }

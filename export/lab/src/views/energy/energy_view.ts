@@ -17,16 +17,12 @@ export class EnergyView implements View {
   private readonly spheres: SpheresView;
   private readonly live: LiveEnergy;
   private energies: Energies | null = null;
+  private readonly perfect = el("button", { type: "button", class: "quiet", onclick: () => this.lossless() });
   readonly element: HTMLElement;
 
   constructor(private readonly context: Context) {
     this.spheres = new SpheresView(context);
-    const perfect = el(
-      "button",
-      { type: "button", class: "quiet", onclick: () => this.lossless() },
-      "Let nothing be absorbed (F = 1, albedo 1)",
-    );
-    this.bars.element.append(perfect);
+    this.bars.element.append(this.perfect);
     this.live = new LiveEnergy(context, (now) => {
       this.energies = now;
       this.redraw(context.store.state);
@@ -35,7 +31,7 @@ export class EnergyView implements View {
   }
 
   private lossless(): void {
-    this.context.store.set({ metal: MIRROR, albedo: 1 });
+    this.context.store.set(this.context.store.state.material === "conductor" ? { metal: MIRROR } : { albedo: 1 });
   }
 
   update(state: State): void {
@@ -48,6 +44,9 @@ export class EnergyView implements View {
   }
 
   redraw(state: State): void {
+    // Glass absorbs nothing anyway.
+    this.perfect.hidden = state.material === "dielectric";
+    this.perfect.textContent = `Let nothing be absorbed (${state.material === "conductor" ? "F = 1" : "albedo 1"})`;
     const rest = restName(state.material, state.material === "conductor" ? state.metal === MIRROR : state.albedo === 1);
     const energies = this.energies;
     const exact = this.context.manifest
@@ -60,8 +59,9 @@ export class EnergyView implements View {
     const found = [...(energies?.of ?? [])];
     const bars = found.map(([model, energy]) => bar(modelStyle(model).name, shares(energy, state.channel, rest)));
     const labels = new Set(found.flatMap(([, energy]) => [...energy.reflected.labels]));
+    // In the order in which light leaves; "2 or more" belongs to other models.
     const keys = [...labels]
-      .sort()
+      .sort((a, b) => Number(a === "2+") - Number(b === "2+") || a.localeCompare(b))
       .map((label) => ({ name: BOUNCE_NAMES[label as Bounce], colour: BOUNCE_COLOURS[label] ?? "#888", fill: true }));
     const striped =
       state.material === "dielectric"

@@ -134,7 +134,8 @@ export class SurfaceView implements View {
     this.card.note.textContent =
       `Light paths traced on Gaussian surfaces, ${names[found.material]}, ` +
       `α = ${alphaName(found.alpha)}, θi = ${found.theta} rad: ` +
-      "f · |cos θo| [1/sr] with two standard errors, the models over it; E is the share of the light [1].";
+      "f · |cos θo| [1/sr] with two standard errors; E is the share of the light [1]. " +
+      (this.lobes.size ? "Over it the models, the exact one always." : "The models are being evaluated …");
     const keys = [...this.lobes.keys()].map((model) => modelStyle(model));
     const band = { name: "traced surface ± 2σ", colour: themeColour("--traced"), fill: true };
     this.keys.replaceChildren(legend([band, ...keys]));
