@@ -15,6 +15,7 @@ from torchms.approximations.diffuse_lobes import DiffuseLobes
 from torchms.approximations.diffuse_surface_lobes import DiffuseSurfaceLobes
 from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.glass_lobes import GlassLobes
+from torchms.approximations.glass_surface_lobes import GlassSurfaceLobes
 from torchms.approximations.metal_features import above
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.metal_sampling import MetalProposal
@@ -92,6 +93,7 @@ class Distilled(Scattering):
             found = [files.read(path, NETWORKS) for path in paths]
         self.lobes = nn.ModuleDict()
         self.ranges: dict[str, tuple[float, float]] = {}
+        self.etas: dict[str, tuple[float, float]] = {}
         self.certificates: dict[str, dict[str, Any]] = {}
         for each in found:
             self._add(each, {(x.distribution, x.facet): x for x in found})
@@ -108,6 +110,8 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} metal", SurfaceLobes(each)
         elif each.facet in ("gaussian_diffuse", "scan_diffuse"):
             key, lobes = f"{each.distribution} diffuse", DiffuseSurfaceLobes(each)
+        elif each.facet == "scan_glass":
+            key, lobes = f"{each.distribution} glass", GlassSurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:
@@ -122,6 +126,7 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} glass", GlassLobes(other, each)
             low, high = max(low, other.alpha[0]), min(high, other.alpha[1])
         self.lobes[key], self.ranges[key] = lobes, (low, high)
+        self.etas[key] = each.eta or (1 / ETA, ETA)
 
     @property
     def slopes(self) -> Tabulated:
@@ -150,7 +155,7 @@ class Distilled(Scattering):
         for name, alpha in zip(("alpha", "alpha_y"), vertex.distribution.alphas, strict=True):
             self._within(f"{kind}({name}=...)", alpha, low, high)
         if isinstance(vertex, Refractive):
-            self._within("Dielectric(eta=...)", vertex.eta, 1 / ETA, ETA)
+            self._within("Dielectric(eta=...)", vertex.eta, *self.etas[key])
 
     def _within(self, what: str, value: Tensor, low: float, high: float) -> None:
         value = value.detach()
@@ -160,9 +165,11 @@ class Distilled(Scattering):
         bad = (value < low * (1 - 1e-6)) | (value > high * (1 + 1e-6))
         if bool(bad.any()):
             raise ValueError(
-                f"Distilled: {what} must lie in [{low:g}, {high:g}], for which its lobes were distilled; "
-                f"got {first_bad(bad, value)}. {REMEDY} For a range of your own run "
-                "python -m torchms.approximations.distil and give its file as Distilled(table)."
+                f"Distilled: {what} must {'be ' if low == high else 'lie in '}"
+                f"{f'{low:g}' if low == high else f'[{low:g}, {high:g}]'}, for which its lobes were distilled; "
+                f"got {first_bad(bad, value)}. {REMEDY} For {'another' if low == high else 'a range of your own'} run "
+                f"{'torchms distil' if low == high else 'python -m torchms.approximations.distil'} and give its file as "
+                "Distilled(table)."
             )
 
     def proposal(self, vertex: Vertex) -> Proposal | None:

@@ -54,32 +54,35 @@ def shares(
     seed: int,
     advance: Callable[[int], None] = lambda n: None,
     facets: FacetMaterial | None = None,
+    sides: int = 1,
 ) -> Tensor:
     """Share of the light in each cell of the lobe: (HALVES, cells, ORDERS, ROWS, COLUMNS), of even and of odd surfaces.
 
+    sides: 2 for glass, of which each cell has two lobes, one after the other: reflected and transmitted.
     casters: tiles of α = 1, by their number, which are stretched to each cell's roughness. rays: of each tile and cell.
     facets: mirrors if not given.
     """
-    found = np.zeros((HALVES, len(cells), ORDERS, ROWS * COLUMNS))
+    found = np.zeros((HALVES, len(cells) * sides, ORDERS, ROWS * COLUMNS))
     for number in range(count):
         caster = casters(number) if callable(casters) else casters[number]
         for k, cell in enumerate(cells):
             wi = np.broadcast_to(cell.wi, (rays, 3))
             key = np.array([seed, number * 4096 + k], dtype=np.uint32)
             left = exits(stretched(caster, cell.ax, cell.ay), facets or MirrorFacets(), wi, key, LONGEST)
-            up = left.order > 0
-            place = binned(left.wo[up]) + ROWS * COLUMNS * (np.minimum(left.order[up].astype(int), ORDERS) - 1)
-            counts = np.bincount(place, minlength=ORDERS * ROWS * COLUMNS).reshape(ORDERS, -1)
-            found[number % HALVES, k] += counts
+            for side in range(sides):
+                some = (left.order > 0) & ((left.wo[:, 2] < 0) == (side > 0)) if sides > 1 else left.order > 0
+                place = binned(left.wo[some]) + ROWS * COLUMNS * (np.minimum(left.order[some].astype(int), ORDERS) - 1)
+                counts = np.bincount(place, minlength=ORDERS * ROWS * COLUMNS).reshape(ORDERS, -1)
+                found[number % HALVES, k * sides + side] += counts
         advance(1)
     parts = [rays * len(range(half, count, HALVES)) for half in range(HALVES)]
     found /= np.array(parts).reshape(-1, 1, 1, 1)
-    return torch.from_numpy(found).reshape(HALVES, len(cells), ORDERS, ROWS, COLUMNS)
+    return torch.from_numpy(found).reshape(HALVES, len(cells) * sides, ORDERS, ROWS, COLUMNS)
 
 
 def binned(wo: np.ndarray) -> np.ndarray:
-    """Number of the cell of each direction (n, 3)."""
-    row = np.clip((wo[:, 2] * ROWS).astype(int), 0, ROWS - 1)
+    """Number of the cell of each direction (n, 3), above or below the horizon."""
+    row = np.clip((np.abs(wo[:, 2]) * ROWS).astype(int), 0, ROWS - 1)
     turn = np.arctan2(wo[:, 1], wo[:, 0]) / (2 * np.pi) % 1.0
     return row * COLUMNS + np.clip((turn * COLUMNS).astype(int), 0, COLUMNS - 1)
 
