@@ -9,7 +9,7 @@ from cases import direction, directions
 from test_energy import agreement
 from torch import Tensor
 
-from torchms import Beckmann, Distilled, RoughConductor, RoughDielectric, Tabulated, onnx
+from torchms import Beckmann, Distilled, RoughConductor, RoughDielectric, Tabulated
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.glass_fit import inputs_of
 from torchms.approximations.distil.glass_rows import Surfaces
@@ -99,13 +99,13 @@ def test_exchanged_directions(model, mode, generator):
 @pytest.mark.parametrize("side", [1, -1])
 def test_walks_carry_the_lobes(model, side, generator, seed, budget):
     """∫ orders = sample_walk = albedo, by order and side; and cell by cell, for the walks."""
-    budget(agreement(surface(model), side * direction(0.8), 30_000, generator, seed))
+    budget(agreement(surface(model, "importance"), side * direction(0.8), 30_000, generator, seed))
 
 
 def test_gradients_are_exact(model, generator):
     """d orders / d (slopes, directions), from both sides: gradcheck in float64."""
-    wi, wo = (torch.cat([directions(3, generator, 0.2), -directions(3, generator, 0.2)]) for _ in range(2))
-    wo = wo.roll(1, 0)
+    wi, wo = (torch.cat([directions(1, generator, 0.2), -directions(1, generator, 0.2)]) for _ in range(2))
+    wi, wo = torch.cat([wi, wi]), torch.cat([wo, -wo])
     scale = torch.tensor(1.001, dtype=torch.float64)
     weights, means, covariances = (torch.as_tensor(x) for x in SLOPES.mixture)
     model = model.double()
@@ -131,18 +131,6 @@ def test_edges_are_finite(model):
     assert all(torch.isfinite(slope).all() for slope in slopes)
 
 
-@pytest.mark.slow
-def test_a_file_for_onnx_is_eager(model, generator, tmp_path: Path):
-    """Exported, the orders are the same to single precision."""
-    onnxruntime = pytest.importorskip("onnxruntime")
-    glassy = RoughDielectric(model.slopes, Dielectric(ETA), model)
-    path = onnx.export(glassy, tmp_path / "glass.onnx", what="orders")
-    wi, wo = (directions(64, generator, dtype=torch.float32) for _ in range(2))
-    session = onnxruntime.InferenceSession(str(path))
-    (found,) = session.run(["orders"], {"wi": wi.numpy(), "wo": wo.numpy()})
-    torch.testing.assert_close(torch.from_numpy(found), glassy.orders(wi, wo), rtol=1e-3, atol=1e-5)
-
-
 @pytest.mark.usefixtures("messages")
 def test_what_it_is_not_about_is_refused(learned, model, tmp_path: Path):
     """Another index, other slopes, metal, a rougher surface, and files without or with a wrong range of the index."""
@@ -161,5 +149,5 @@ def test_what_it_is_not_about_is_refused(learned, model, tmp_path: Path):
     with pytest.raises(ValueError, match=r"no range"):
         Distilled(tmp_path / "range.npz")
     files.write(tmp_path / "without.npz", learned.file._replace(eta=None))
-    with pytest.raises(ValueError, match=r"lacks"):
+    with pytest.raises(ValueError, match=r"layers"):
         Distilled(tmp_path / "without.npz")

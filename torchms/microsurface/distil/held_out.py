@@ -38,7 +38,7 @@ class Cell(NamedTuple):
 class Errors(NamedTuple):
     """Of each lobe, all orders together: RMS of the difference over the lobe's RMS, noise of the light taken out; that noise.
 
-    energy: (cells, ORDERS) difference of the energies of the orders 1, 2, 3 and ≥ 4.
+    Both are 0 where no light was met twice. energy: (cells, ORDERS) difference of the energies of the orders 1, 2, 3 and ≥ 4.
     """
 
     lobe: Tensor
@@ -112,7 +112,9 @@ def errors(light: Tensor, model: Tensor) -> Errors:
     size = (a * b).sum((-2, -1))
     off = ((mine - a) * (mine - b)).sum((-2, -1)).clamp_min(0)
     noise = ((a - b) ** 2).sum((-2, -1)) / 4
-    return Errors((off / size).sqrt(), (noise / size).sqrt(), (model - light.mean(0)).sum((-2, -1)))
+    lit = size > 0
+    off, noise = (torch.where(lit, (x / torch.where(lit, size, 1.0)).sqrt(), 0.0) for x in (off, noise))
+    return Errors(off, noise, (model - light.mean(0)).sum((-2, -1)))
 
 
 def summary(cells: Sequence[Cell], light: Tensor, models: dict[str, Tensor]) -> list[dict[str, Any]]:
