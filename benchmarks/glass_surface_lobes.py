@@ -13,12 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 import tyro
 
+from torchms import Beckmann, Distilled, RoughDielectric, Stream
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.glass_surface_lobes import GlassSurfaceLobes
 from torchms.distributions import Tabulated
+from torchms.fresnel import Dielectric
 from torchms.microsurface import DielectricFacets, GridTracer, Heightfield
 from torchms.microsurface.distil import glass_scan, held_out, light
 from torchms.microsurface.distil.scan import ANGLES, MODELS, Effort
@@ -29,6 +32,8 @@ from torchms.version import __version__
 FIRST_SURFACE, FIRST_KEY = 777_000_000, 9000
 """Seeds that no distillation uses."""
 ETA = 1.5
+WALKS = 1 << 16
+COMPARED = (MODELS[0], MODELS[2])
 
 
 @dataclass
@@ -76,7 +81,7 @@ def learned(options: Options, path: Path) -> files.Distillate:
     return files.read(path, NETWORKS)
 
 
-def compared(options: Options, made: files.Distillate) -> list[dict[str, Any]]:
+def compared(options: Options, made: files.Distillate, path: Path) -> list[dict[str, Any]]:
     """Rows of the report, against the light of other surfaces."""
     assert made.slopes is not None
     slopes, lobes, rows = Tabulated(*made.slopes), GlassSurfaceLobes(made), []
@@ -89,8 +94,25 @@ def compared(options: Options, made: files.Distillate) -> list[dict[str, Any]]:
         said = glass_scan.models(lobes, slopes, eta, where)
         twice = [cell for cell in where for _ in glass_scan.LEAVES]
         for n, row in enumerate(held_out.summary(twice, traced, said)):
+            side = -1 if k else 1
+            for name, energy in walked(options, path, side * torch.from_numpy(twice[n].wi).float(), n % 2).items():
+                row[name]["energy"] = energy
             rows.append(row | {"from": glass_scan.FROM[k], "leaves": glass_scan.LEAVES[n % 2]})
     return rows
+
+
+def walked(options: Options, path: Path, wi: torch.Tensor, transmitted: int) -> dict[str, list[float]]:
+    """Energies of the orders by walks: of lobes that may be narrower than the cells."""
+    learned = Distilled(path)
+    found = {}
+    for name, slopes, model in (
+        (COMPARED[0], Beckmann(*options.alpha), Distilled()),
+        (COMPARED[1], learned.slopes, learned),
+    ):
+        glass = RoughDielectric(slopes, Dielectric(ETA), model)
+        energy = glass.albedo(wi, Stream(1, WALKS, "sobol"))[transmitted][:, 0]
+        found[name] = energy.tolist()
+    return found
 
 
 def rms(rows: list[dict[str, Any]], name: str, together: bool) -> float:
@@ -107,9 +129,12 @@ def main(options: Options) -> None:
     name = "_".join(f"{a:g}" for a in options.alpha)
     out = options.out or Path(__file__).parent / "results" / f"glass_surface_lobes_{name}.json"
     check_writable(out, options.force)
-    rows = compared(options, learned(options, options.table or Path(f"build/glass_{name}.npz")))
+    path = options.table or Path(f"build/glass_{name}.npz")
+    rows = compared(options, learned(options, path), path)
     noise = math.sqrt(np.mean([np.square(row["energy_noise"]) for row in rows]))
-    gaps = {model: {"first and rest": rms(rows, model, True), "by order": rms(rows, model, False)} for model in MODELS}
+    gaps = {
+        model: {"first and rest": rms(rows, model, True), "by order": rms(rows, model, False)} for model in COMPARED
+    }
     furnace = [
         sum(rows[n]["distilled"]["energy"] + rows[n + 1]["distilled"]["energy"]) - 1 for n in range(0, len(rows), 2)
     ]
@@ -118,7 +143,7 @@ def main(options: Options) -> None:
     content = {"command": command, "version": __version__, "rms_energy_gap": gaps, "noise": noise, "cells": rows}
     write_json(out, content, options.force)
     for row in rows:
-        lobe = [f"{100 * row[model]['lobe_error']:.1f}" for model in MODELS]
+        lobe = [f"{100 * row[model]['lobe_error']:.1f}" for model in COMPARED]
         off = [round(a - b, 4) for a, b in zip(row["distilled"]["energy"], row["energy"], strict=True)]
         print(
             f"{row['from']} {row['theta']:g} {row['leaves']}: lobe {lobe} %, noise {100 * row[MODELS[0]]['noise']:.1f}, {off}"
