@@ -61,6 +61,7 @@ class Distilled(Scattering):
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
+    One about glass holds for its index, too.
     surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces, metal and diffuse, Beckmann with α_x and α_y in
     [0.1, 1], in place of those of Smith's theory: several times nearer to such surfaces. See docs/surface_lobes.md.
     """
