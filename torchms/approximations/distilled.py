@@ -15,6 +15,7 @@ from torchms.approximations.diffuse_lobes import DiffuseLobes
 from torchms.approximations.diffuse_surface_lobes import DiffuseSurfaceLobes
 from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.glass_lobes import GlassLobes
+from torchms.approximations.glass_surface_lobes import GlassSurfaceLobes
 from torchms.approximations.metal_features import above
 from torchms.approximations.metal_lobes import MetalLobes
 from torchms.approximations.metal_sampling import MetalProposal
@@ -60,6 +61,7 @@ class Distilled(Scattering):
     torchms, for GGX and Beckmann with α_x and α_y in [0.03, 1]. Other distributions, roughnesses outside that range, and
     facets of which no file is are refused with a ValueError.
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
+    One about glass holds for its index, too.
     surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces, metal and diffuse, Beckmann with α_x and α_y in
     [0.1, 1], in place of those of Smith's theory: several times nearer to such surfaces. See docs/surface_lobes.md.
     """
@@ -92,6 +94,7 @@ class Distilled(Scattering):
             found = [files.read(path, NETWORKS) for path in paths]
         self.lobes = nn.ModuleDict()
         self.ranges: dict[str, tuple[float, float]] = {}
+        self.etas: dict[str, tuple[float, float]] = {}
         self.certificates: dict[str, dict[str, Any]] = {}
         for each in found:
             self._add(each, {(x.distribution, x.facet): x for x in found})
@@ -108,6 +111,8 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} metal", SurfaceLobes(each)
         elif each.facet in ("gaussian_diffuse", "scan_diffuse"):
             key, lobes = f"{each.distribution} diffuse", DiffuseSurfaceLobes(each)
+        elif each.facet == "scan_glass":
+            key, lobes = f"{each.distribution} glass", GlassSurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
         else:
@@ -122,6 +127,7 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} glass", GlassLobes(other, each)
             low, high = max(low, other.alpha[0]), min(high, other.alpha[1])
         self.lobes[key], self.ranges[key] = lobes, (low, high)
+        self.etas[key] = each.eta or (1 / ETA, ETA)
 
     @property
     def slopes(self) -> Tabulated:
@@ -150,7 +156,7 @@ class Distilled(Scattering):
         for name, alpha in zip(("alpha", "alpha_y"), vertex.distribution.alphas, strict=True):
             self._within(f"{kind}({name}=...)", alpha, low, high)
         if isinstance(vertex, Refractive):
-            self._within("Dielectric(eta=...)", vertex.eta, 1 / ETA, ETA)
+            self._within("Dielectric(eta=...)", vertex.eta, *self.etas[key])
 
     def _within(self, what: str, value: Tensor, low: float, high: float) -> None:
         value = value.detach()
@@ -160,9 +166,11 @@ class Distilled(Scattering):
         bad = (value < low * (1 - 1e-6)) | (value > high * (1 + 1e-6))
         if bool(bad.any()):
             raise ValueError(
-                f"Distilled: {what} must lie in [{low:g}, {high:g}], for which its lobes were distilled; "
-                f"got {first_bad(bad, value)}. {REMEDY} For a range of your own run "
-                "python -m torchms.approximations.distil and give its file as Distilled(table)."
+                f"Distilled: {what} must {'be ' if low == high else 'lie in '}"
+                f"{f'{low:g}' if low == high else f'[{low:g}, {high:g}]'}, for which its lobes were distilled; "
+                f"got {first_bad(bad, value)}. {REMEDY} For {'another' if low == high else 'a range of your own'} run "
+                f"{'torchms distil' if low == high else 'python -m torchms.approximations.distil'} and give its file as "
+                "Distilled(table)."
             )
 
     def proposal(self, vertex: Vertex) -> Proposal | None:

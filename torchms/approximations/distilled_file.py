@@ -28,7 +28,8 @@ class Shape(NamedTuple):
     """Inputs and outputs of a facet's network, and those of that of one direction; 0 inputs if it has none.
 
     smith: of Smith's networks, if they are in the file, too. scan: whether slopes of a surface are. facets: outputs of the
-    network of the facets that light meets, with the same inputs; 0 if there is none.
+    network of the facets that light meets, with the same inputs; 0 if there is none. through: of the networks of what is
+    transmitted, if the file holds these, too.
     """
 
     inputs: int
@@ -38,6 +39,7 @@ class Shape(NamedTuple):
     smith: "Shape | None" = None
     scan: bool = False
     facets: int = 0
+    through: "Shape | None" = None
 
 
 Weights = tuple[list[Layer], Tensor]
@@ -50,8 +52,9 @@ class Distillate(NamedTuple):
     facet: "metal", "diffuse", "reflected" or "transmitted". distribution: "GGX" or "Beckmann". alpha: smallest and largest
     roughness it was trained for. layers, skip: the weights. certificate: command, commit, seeds, samples and held-out errors.
     each: weights of what either direction brings, if there is that. smith: weights of both for Smith's lobes, where these are
-    corrected; without that of each direction for diffuse facets. slopes: of a measured surface. facets: weights of
-    what light meets on its way, if there is that.
+    corrected; without that of each direction for diffuse facets, and twice for glass. slopes: of a measured surface.
+    facets: weights of what light meets on its way, if there is that. through: weights of both for light that is transmitted, of
+    a surface of glass, and eta: smallest and largest relative index.
     """
 
     facet: str
@@ -64,6 +67,12 @@ class Distillate(NamedTuple):
     smith: tuple[Weights, ...] | None = None
     slopes: Mixture | None = None
     facets: Weights | None = None
+    through: tuple[Weights, Weights] | None = None
+    eta: tuple[float, float] | None = None
+
+
+SMITHS = ("smith_", "smith_each_", "smith_through_", "smith_through_each_")
+"""Names of Smith's networks in a file."""
 
 
 def write(path: str | Path, distillate: Distillate, force: bool = False) -> None:
@@ -79,7 +88,10 @@ def write(path: str | Path, distillate: Distillate, force: bool = False) -> None
     if distillate.facets:
         networks["facets_"] = distillate.facets
     if distillate.smith:
-        networks |= dict(zip(("smith_", "smith_each_"), distillate.smith, strict=False))
+        networks |= dict(zip(SMITHS, distillate.smith, strict=False))
+    if distillate.through and distillate.eta:
+        networks |= dict(zip(("through_", "through_each_"), distillate.through, strict=True))
+        content["eta"] = np.array(distillate.eta, dtype=np.float64)
     for name, (layers, skip) in networks.items():
         content[f"{name}skip"] = skip.detach().float().numpy()
         for k, (weight, offset) in enumerate(layers):
@@ -115,18 +127,36 @@ def read(path: str | Path, networks: Mapping[str, Shape]) -> Distillate:
     layers, skip = _network(arrays, "", shape.inputs, shape.outputs, path)
     each = _network(arrays, "each_", shape.of_one, shape.outputs_of_one, path) if shape.of_one else None
     distribution = str(scalar(arrays, "distribution", otherwise, REMEDY))
-    smith: tuple[Weights, ...] | None = None
-    if (s := shape.smith) is not None:
-        smith = (_network(arrays, "smith_", s.inputs, s.outputs, path),)
-        if s.of_one:
-            smith += (_network(arrays, "smith_each_", s.of_one, s.outputs_of_one, path),)
+    smith = _networks(arrays, "smith_", shape.smith, path) if shape.smith else None
+    through, eta = None, None
+    if shape.through:
+        pair, of_one = _networks(arrays, "through_", shape.through, path)
+        through, eta = (pair, of_one), _eta(arrays, path)
     slopes = None
     if shape.scan:
         if any(f"slopes_{name}" not in arrays for name in Mixture._fields):
             raise ValueError(f"{otherwise}: it lacks the slopes of its surface. {REMEDY}")
         slopes = checked(*(arrays[f"slopes_{name}"] for name in Mixture._fields), name=f"{path.name}: slopes")
     facets = _network(arrays, "facets_", shape.inputs, shape.facets, path) if shape.facets else None
-    return Distillate(facet, distribution, (low, high), layers, skip, certificate, each, smith, slopes, facets)
+    return Distillate(
+        facet, distribution, (low, high), layers, skip, certificate, each, smith, slopes, facets, through, eta
+    )
+
+
+def _networks(arrays: dict[str, np.ndarray], name: str, shape: Shape, path: Path) -> tuple[Weights, ...]:
+    """Networks of the pair, of each direction if there is one, and both for what is transmitted if there are these."""
+    found = (_network(arrays, name, shape.inputs, shape.outputs, path),)
+    if shape.of_one:
+        found += (_network(arrays, f"{name}each_", shape.of_one, shape.outputs_of_one, path),)
+    return found + _networks(arrays, f"{name}through_", shape.through, path) if shape.through else found
+
+
+def _eta(arrays: dict[str, np.ndarray], path: Path) -> tuple[float, float]:
+    """Smallest and largest relative index."""
+    low, high = (float(x) for x in _array(arrays, "eta", (2,), path))
+    if not 0 < low <= high < math.inf:
+        raise ValueError(f"{path.name} is for eta in [{low:g}, {high:g}], which is no range. {REMEDY}")
+    return low, high
 
 
 def _network(arrays: dict[str, np.ndarray], name: str, inputs: int, outputs: int, path: Path) -> Weights:

@@ -4,7 +4,8 @@ from torchms.approximations import (
     diffuse_lobes,
     diffuse_surface_lobes,
     free_features,
-    glass_lobes,
+    free_glass_features,
+    glass_features,
     metal_features,
     metal_lobes,
     surface_lobes,
@@ -15,11 +16,13 @@ from torchms.approximations.surface_correction import ORDERS
 METAL = Shape(metal_features.FEATURES, metal_lobes.OUTPUTS, metal_features.OF_ONE, facets=metal_lobes.FACETS)
 SMITHS = Shape(metal_features.FEATURES, surface_lobes.OF_SMITH, metal_features.OF_ONE)
 DIFFUSE = Shape(diffuse_lobes.FEATURES, diffuse_lobes.OUTPUTS)
+TRANSMITTED = Shape(glass_features.TRANSMITTED, 1, glass_features.OF_ONE)
+GLASS = Shape(glass_features.REFLECTED, 1, glass_features.OF_ONE, through=TRANSMITTED)
 NETWORKS = {
     "metal": METAL,
     "diffuse": DIFFUSE,
-    "reflected": Shape(glass_lobes.REFLECTED, 1, glass_lobes.OF_ONE),
-    "transmitted": Shape(glass_lobes.TRANSMITTED, 1, glass_lobes.OF_ONE),
+    "reflected": Shape(glass_features.REFLECTED, 1, glass_features.OF_ONE),
+    "transmitted": TRANSMITTED,
     "gaussian": Shape(metal_features.FEATURES, surface_lobes.OUTPUTS, metal_features.OF_ONE, ORDERS, SMITHS),
     "scan": Shape(free_features.FREE, surface_lobes.OUTPUTS, free_features.FREE_OF_ONE, ORDERS, SMITHS, True),
     "gaussian_diffuse": Shape(
@@ -28,5 +31,9 @@ NETWORKS = {
     "scan_diffuse": Shape(
         free_features.FREE, diffuse_surface_lobes.OUTPUTS, free_features.FREE_OF_ONE, ORDERS, DIFFUSE, True
     ),
+    "scan_glass": Shape(
+        *(free_glass_features.FREE_REFLECTED, ORDERS, free_glass_features.FREE_OF_ONE, ORDERS, GLASS, True),
+        through=Shape(free_glass_features.FREE_TRANSMITTED, ORDERS, free_glass_features.FREE_OF_ONE, ORDERS),
+    ),
 }
-"""What a file may be about. Glass takes both of the last."""
+"""What a file may be about. Glass takes both of "reflected" and "transmitted"."""

@@ -19,22 +19,27 @@ FREE_OF_ONE = OF_ONE + 3
 
 def free_features(distribution: EllipticDistribution, wi: Vec3, wo: Vec3) -> list[Tensor]:
     """The network's inputs for two directions above the horizon; the roughness is that of Beckmann with these slopes."""
-    ax, ay = distribution.alphas
-    x, y, z = wi.x + wo.x, wi.y + wo.y, wi.z + wo.z
-    # The slopes of the facet that would do it in one bounce, over α, and bounded.
-    p, q = x / (ax * z), y / (ay * z)
-    inverse = torch.rsqrt(1 + p * p + q * q)
+    return [*features(distribution, wi, wo), *leaning(*distribution.alphas, wi, wo)]
+
+
+def leaning(ax: Tensor, ay: Tensor, wi: Vec3, wo: Vec3) -> list[Tensor]:
+    """What mirroring x or y changes, of two directions that may be exchanged."""
+    half = Vec3(wi.x + wo.x, wi.y + wo.y, wi.z + wo.z)
     return [
-        *features(distribution, wi, wo),
-        x,
-        y,
+        half.x,
+        half.y,
         wi.x * wo.x - wi.y * wo.y,
         wi.x * wo.y + wi.y * wo.x,
         wi.x * wi.y + wo.x * wo.y,
-        p * inverse,
-        q * inverse,
-        p * q * inverse * inverse,
+        *tilted(ax, ay, half),
     ]
+
+
+def tilted(ax: Tensor, ay: Tensor, half: Vec3) -> list[Tensor]:
+    """Slopes of the facet along `half`, that would do it in one bounce: over α, and bounded."""
+    p, q = half.x / (ax * half.z), half.y / (ay * half.z)
+    inverse = torch.rsqrt(1 + p * p + q * q)
+    return [p * inverse, q * inverse, p * q * inverse * inverse]
 
 
 def free_features_of_one(distribution: EllipticDistribution, w: Vec3) -> list[Tensor]:

@@ -64,7 +64,7 @@ class FitMeasuredOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class DistilOptions:
-    """Learn the whole lobe of a measured surface, of metal or diffuse, from ray-traced light on it: `Distilled("scan.npz")`.
+    """Learn the whole lobe of a measured surface from ray-traced light on it: `Distilled("scan.npz")`.
 
     A stopped run goes on where it was if it is called again; under torchrun the light is traced by all processes.
     Example: torchms distil --surface scan.npy --spacing 0.5 --height-scale 0.001 --out scan.npz
@@ -78,8 +78,10 @@ class DistilOptions:
     """Distance between neighbouring heights, or that along x and that along y; asked for where the file does not say it."""
     height_scale: float | None = None
     """Length of one step of the map's values, in the same unit; asked for with pictures and .npy."""
-    material: Literal["conductor", "diffuse"] = "conductor"
-    """What its facets are of: metal with any Fresnel term, or diffuse with any albedo."""
+    material: Literal["conductor", "diffuse", "dielectric"] = "conductor"
+    """What its facets are of: metal with any Fresnel term, diffuse with any albedo, or glass with --eta."""
+    eta: float | None = None
+    """n inside / n outside of glass, the material beneath the heights; in [1/3, 3]."""
     periodic: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """The map repeats without a seam; otherwise it is mirrored."""
     coarse: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False

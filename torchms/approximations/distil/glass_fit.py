@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from torchms.approximations import distilled_file as files
-from torchms.approximations import glass_lobes, pair_features
+from torchms.approximations import glass_features, glass_lobes, pair_features
 from torchms.approximations.distil import glass_rows, glass_targets, refinement, whole
 from torchms.approximations.distil.activations import ROOT
 from torchms.approximations.distil.energies import Cells
@@ -25,7 +25,14 @@ FIRST, WHOLE = 0.3, 0.1
 
 
 @torch.no_grad()
-def inputs_of(kind: str, where: Surfaces, wo: Tensor, up: bool, step: int = 16384) -> tuple[Inputs, Tensor]:
+def inputs_of(
+    kind: str,
+    where: Surfaces,
+    wo: Tensor,
+    up: bool,
+    step: int = 16384,
+    features: glass_features.Features = glass_features.SYMMETRIC,
+) -> tuple[Inputs, Tensor]:
     """The features of rows, and what exp(level) is multiplied by for f |cos θ_o| [1/sr] (n)."""
     parts: list[list[Tensor]] = [[], [], []]
     for some in torch.arange(len(wo)).split(step):
@@ -35,14 +42,12 @@ def inputs_of(kind: str, where: Surfaces, wo: Tensor, up: bool, step: int = 1638
         i = pair_features.seen(distribution, split(here.wi))
         o = pair_features.seen(distribution, split(wo[some] * (1.0 if up else -1.0)))
         if up:
-            pairs = glass_lobes.reflected_features(shape, log_eta, i, o)
+            pairs = features.reflected(shape, log_eta, i, o)
         else:
             into = here.eta > 1
-            thin, dense = glass_lobes.chosen(into, i, o), glass_lobes.chosen(into, o, i)
-            pairs = glass_lobes.transmitted_features(shape, log_eta.abs(), thin, dense)
-        of_one = (
-            glass_lobes.features_of_one(shape, eta, w) for eta, w in ((log_eta, i), (log_eta if up else -log_eta, o))
-        )
+            thin, dense = glass_features.chosen(into, i, o), glass_features.chosen(into, o, i)
+            pairs = features.transmitted(shape, log_eta.abs(), thin, dense)
+        of_one = (features.of_one(shape, eta, w) for eta, w in ((log_eta, i), (log_eta if up else -log_eta, o)))
         for column, found in zip(parts, (pairs, *of_one), strict=True):
             column.append(torch.stack(torch.broadcast_tensors(*found), -1))
     return Inputs(*(torch.cat(column) for column in parts)), glass_lobes.scale(wo[:, 2].abs(), where.eta, not up)

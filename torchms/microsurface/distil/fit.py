@@ -48,21 +48,40 @@ def learned(
     folder: Path,
 ) -> tuple[Folded, Folded]:
     """Networks of the pair and of each direction, for features as they are."""
-    inputs, m = subject.inputs(light.rows), len(light.where.ax)
-    model = Correction(*sizes, inputs)
-    index, weight = light.order.clamp_max(ORDERS) - 1, light.weight / RAYS
-    paths = likelihood.Paths(model.standardised(inputs), index, weight, light.first)
+    inputs = subject.inputs(light.rows)
     rows, inverse = answers(light.where, subject.kind.proposal, seed + 5)
-    smith = subject.smith(rows) * (inverse[:, None] / POINTS)
-    points = likelihood.Points(model.standardised(subject.inputs(rows)), smith, POINTS)
-    vector = model.initial(generator_for(seed + 1))
-    kept = folder / f"likelihood-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}-{steps}.npz"
-    with progress_bar("likelihood", steps) as advance:
-        vector = likelihood.fitted(model, vector, paths, points, steps, kept, advance)
+    points = subject.inputs(rows), subject.smith(rows) * (inverse[:, None] / POINTS)
+    model, vector, seen = correction(inputs, light, points, sizes, steps, seed, folder)
     with progress_bar("other outputs", OTHER_STEPS) as advance:
-        others = other_outputs(model, vector, paths.inputs, light, subject.kind.cosines, advance)
+        others = other_outputs(model, vector, seen, light, subject.kind.cosines, advance)
     pair, each = model.folded(vector)
     return joined(pair, model, others), each
+
+
+def correction(
+    inputs: Inputs,
+    light: Light,
+    points: tuple[Inputs, Tensor],
+    sizes: tuple[Sequence[int], Sequence[int]],
+    steps: int,
+    seed: int,
+    folder: Path,
+    name: str = "likelihood",
+) -> tuple[Correction, Tensor, Inputs]:
+    """The networks that make `light` most likely, their numbers, and the standardised features of the paths.
+
+    inputs: features of the paths. points: features where integrals are summed, POINTS a direction, and Smith's λ_k times the
+    shares of each (n, ORDERS). name: of the checkpoint.
+    """
+    model, m = Correction(*sizes, inputs), len(light.where.ax)
+    index, seen = light.order.clamp_max(ORDERS) - 1, model.standardised(inputs)
+    paths = likelihood.Paths(seen, index, light.weight / RAYS, light.first)
+    there = likelihood.Points(model.standardised(points[0]), points[1], POINTS)
+    vector = model.initial(generator_for(seed + 1))
+    kept = folder / f"{name}-{'-'.join('x'.join(map(str, widths)) for widths in sizes)}-{m}-{steps}.npz"
+    with progress_bar(name, steps) as advance:
+        vector = likelihood.fitted(model, vector, paths, there, steps, kept, advance)
+    return model, vector, seen
 
 
 def answers(where: Rows, proposed: Callable[[Beckmann], Proposal], seed: int) -> tuple[Rows, Tensor]:

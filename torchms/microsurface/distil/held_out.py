@@ -38,7 +38,7 @@ class Cell(NamedTuple):
 class Errors(NamedTuple):
     """Of each lobe, all orders together: RMS of the difference over the lobe's RMS, noise of the light taken out; that noise.
 
-    energy: (cells, ORDERS) difference of the energies of the orders 1, 2, 3 and ≥ 4.
+    Both are 0 where no light was met twice. energy: (cells, ORDERS) difference of the energies of the orders 1, 2, 3 and ≥ 4.
     """
 
     lobe: Tensor
@@ -54,32 +54,35 @@ def shares(
     seed: int,
     advance: Callable[[int], None] = lambda n: None,
     facets: FacetMaterial | None = None,
+    sides: int = 1,
 ) -> Tensor:
     """Share of the light in each cell of the lobe: (HALVES, cells, ORDERS, ROWS, COLUMNS), of even and of odd surfaces.
 
+    sides: 2 for glass, of which each cell has two lobes, one after the other: reflected and transmitted.
     casters: tiles of α = 1, by their number, which are stretched to each cell's roughness. rays: of each tile and cell.
     facets: mirrors if not given.
     """
-    found = np.zeros((HALVES, len(cells), ORDERS, ROWS * COLUMNS))
+    found = np.zeros((HALVES, len(cells) * sides, ORDERS, ROWS * COLUMNS))
     for number in range(count):
         caster = casters(number) if callable(casters) else casters[number]
         for k, cell in enumerate(cells):
             wi = np.broadcast_to(cell.wi, (rays, 3))
             key = np.array([seed, number * 4096 + k], dtype=np.uint32)
             left = exits(stretched(caster, cell.ax, cell.ay), facets or MirrorFacets(), wi, key, LONGEST)
-            up = left.order > 0
-            place = binned(left.wo[up]) + ROWS * COLUMNS * (np.minimum(left.order[up].astype(int), ORDERS) - 1)
-            counts = np.bincount(place, minlength=ORDERS * ROWS * COLUMNS).reshape(ORDERS, -1)
-            found[number % HALVES, k] += counts
+            for side in range(sides):
+                some = (left.order > 0) & ((left.wo[:, 2] < 0) == (side > 0)) if sides > 1 else left.order > 0
+                place = binned(left.wo[some]) + ROWS * COLUMNS * (np.minimum(left.order[some].astype(int), ORDERS) - 1)
+                counts = np.bincount(place, minlength=ORDERS * ROWS * COLUMNS).reshape(ORDERS, -1)
+                found[number % HALVES, k * sides + side] += counts
         advance(1)
     parts = [rays * len(range(half, count, HALVES)) for half in range(HALVES)]
     found /= np.array(parts).reshape(-1, 1, 1, 1)
-    return torch.from_numpy(found).reshape(HALVES, len(cells), ORDERS, ROWS, COLUMNS)
+    return torch.from_numpy(found).reshape(HALVES, len(cells) * sides, ORDERS, ROWS, COLUMNS)
 
 
 def binned(wo: np.ndarray) -> np.ndarray:
-    """Number of the cell of each direction (n, 3)."""
-    row = np.clip((wo[:, 2] * ROWS).astype(int), 0, ROWS - 1)
+    """Number of the cell of each direction (n, 3), above or below the horizon."""
+    row = np.clip((np.abs(wo[:, 2]) * ROWS).astype(int), 0, ROWS - 1)
     turn = np.arctan2(wo[:, 1], wo[:, 0]) / (2 * np.pi) % 1.0
     return row * COLUMNS + np.clip((turn * COLUMNS).astype(int), 0, COLUMNS - 1)
 
@@ -109,7 +112,9 @@ def errors(light: Tensor, model: Tensor) -> Errors:
     size = (a * b).sum((-2, -1))
     off = ((mine - a) * (mine - b)).sum((-2, -1)).clamp_min(0)
     noise = ((a - b) ** 2).sum((-2, -1)) / 4
-    return Errors((off / size).sqrt(), (noise / size).sqrt(), (model - light.mean(0)).sum((-2, -1)))
+    lit = size > 0
+    off, noise = (torch.where(lit, (x / torch.where(lit, size, 1.0)).sqrt(), 0.0) for x in (off, noise))
+    return Errors(off, noise, (model - light.mean(0)).sum((-2, -1)))
 
 
 def summary(cells: Sequence[Cell], light: Tensor, models: dict[str, Tensor]) -> list[dict[str, Any]]:

@@ -45,7 +45,8 @@ class Light(NamedTuple):
     """Paths that left, direction by direction.
 
     where: the directions (m), wo is left at wi. first: (m + 1) where the paths of each begin. rows: the paths (n).
-    order: (n) int64. steep: Σ (1 − c)⁵ (n). weight: paths (n) that each stands for, of RAYS a direction.
+    order: (n) int64. steep: Σ (1 − c)⁵ (n). weight: paths (n) that each stands for, of RAYS a direction. eta: relative index
+    of the other side (m), where facets are of glass.
     """
 
     where: Rows
@@ -54,6 +55,14 @@ class Light(NamedTuple):
     order: Tensor
     steep: Tensor
     weight: Tensor
+    eta: Tensor | None = None
+
+    def part(self, chosen: Tensor) -> "Light":
+        """Those of the paths that `chosen` (n) says, of all directions."""
+        before = torch.cat([torch.zeros(1, dtype=torch.int64), chosen.cumsum(0)])
+        rows = Rows(*(x[chosen] for x in self.rows))
+        order, steep, weight = (x[chosen] for x in (self.order, self.steep, self.weight))
+        return Light(self.where, before[self.first], rows, order, steep, weight, self.eta)
 
 
 def gaussian_block(facets: FacetMaterial, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
@@ -74,6 +83,20 @@ def surface_block(
     """Light on one explicit surface."""
     wi = incidence(ANY, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number)).wi
     return _traced(caster, facets, alpha, wi, (seed, number))
+
+
+def glass_block(
+    casters: Sequence[GridCaster], facets: Sequence[FacetMaterial], alpha: tuple[float, float], seed: int, number: int
+) -> dict[str, np.ndarray]:
+    """Light on one explicit surface of glass: from above on even blocks, from below, seen from there, on odd ones."""
+    side = number % 2
+    found = surface_block(casters[side], facets[side], alpha, seed, number)
+    return found | {"eta": np.full(len(found["ax"]), facets[side].describe()["eta"], dtype=np.float32)}
+
+
+def turned_over(surface: Heightfield) -> Heightfield:
+    """The surface as light from below sees it: all points mirrored in the origin."""
+    return Heightfield(-surface.heights[::-1, ::-1], surface.spacing)
 
 
 def incidence(alpha: tuple[float, float], count: int, generator: torch.Generator) -> Rows:
@@ -118,7 +141,7 @@ def made(folder: Path, numbers: Sequence[int], block: Made, threads: int, advanc
         if not path.exists():
             file = io.BytesIO()
             arrays = block(number)
-            content: dict[str, Any] = {name: arrays[name] for name in COLUMNS}
+            content: dict[str, Any] = arrays
             np.savez(file, **content)
             write_whole(path, file.getvalue(), force=True)
 
@@ -140,9 +163,9 @@ def loaded(folder: Path, count: int, seed: int) -> Light:
         block["weight"] = np.where(once, weight, 1.0).astype(np.float32).ravel()
         chosen = kept.ravel()
         part = {name: block[name][chosen] for name in (*COLUMNS, "weight")}
-        part |= {f"{name} there": block[name][::RAYS] for name in ("ax", "ay", "wi")}
-        parts.append(part | {"kept": kept.sum(1)})
-    ax, ay, wi, wo, order, steep, weight, ax0, ay0, wi0, kept = (
+        part |= {f"{name} there": block[name][::RAYS] for name in ("ax", "ay", "wi", "eta") if name in block}
+        parts.append({"kept": kept.sum(1)} | part)
+    kept, ax, ay, wi, wo, order, steep, weight, ax0, ay0, wi0, *etas = (
         torch.from_numpy(np.concatenate([part[name] for part in parts])) for name in parts[0]
     )
     # In an order of their own, so that any of them one after the other speak for all.
@@ -152,4 +175,5 @@ def loaded(folder: Path, count: int, seed: int) -> Light:
     by = torch.argsort(place.repeat_interleave(kept), stable=True)
     first = torch.cat([torch.zeros(1, dtype=torch.int64), kept[chosen].cumsum(0)])
     where = Rows(*(x[chosen] for x in (ax0, ay0, wi0, wi0)))
-    return Light(where, first, Rows(*(x[by] for x in (ax, ay, wi, wo))), order[by].long(), steep[by], weight[by])
+    rows, eta = Rows(*(x[by] for x in (ax, ay, wi, wo))), etas[0][chosen] if etas else None
+    return Light(where, first, rows, order[by].long(), steep[by], weight[by], eta)

@@ -50,6 +50,7 @@ class Effort:
     each: tuple[int, ...] = (16,)
     seed: int = 1
     material: str = "conductor"
+    eta: float | None = None
     held_out: int = 1 << 17
     threads: int | None = None
 
@@ -79,20 +80,13 @@ def distilled(
 
     folder: of blocks of light and checkpoints, gone on from. about: what the certificate says of the surface.
     """
-    rank, world = processes()
     tabulated = surface.distribution()
     ax, ay = (float(alpha) for alpha in tabulated.alphas)
     caster = GridTracer().bind(Grid.of(surface))
     kind = KINDS[effort.material]
-    opened(folder, {"version": __version__, "seed": effort.seed, **about})
-    numbers = list(range(rank, effort.blocks, world))
-    block = partial(light.surface_block, caster, kind.facets, (ax, ay), effort.seed)
-    with progress_bar("light", len(numbers)) as advance:
-        light.made(folder, numbers, block, threads_of(effort.threads, world), advance)
-    wait_for_all(world)
-    if rank > 0:
+    found = traced(folder, effort, about, partial(light.surface_block, caster, kind.facets, (ax, ay), effort.seed))
+    if found is None:
         return None
-    found = light.loaded(folder, effort.blocks, effort.seed)
     subject = fit.Subject(
         partial(inputs_of, "Beckmann", functions=(free_features, free_features_of_one)),
         partial(smith_orders, first=tabulated) if effort.material == "conductor" else kind.smith,
@@ -100,15 +94,8 @@ def distilled(
     )
     sizes = effort.widths, effort.each
     (layers, skip), each = fit.learned(subject, found, sizes, effort.steps, effort.seed, folder)
-    low, high = sorted((ax, ay))
-    certificate = {
-        "torchms": __version__,
-        "torch": torch.__version__,
-        "commit": commit(),
-        "paths": len(found.where.ax) * light.RAYS,
-        **about,
-    }
-    facet, alpha = f"scan{kind.suffix}", (0.99 * low, 1.01 * high)
+    certificate = certified(found, about)
+    facet, alpha = f"scan{kind.suffix}", reach(tabulated)
     base, slopes = kind.base(), tabulated.mixture
     made = files.Distillate(facet, "Tabulated", alpha, layers, skip, certificate, each, base, slopes)
     rows = report(caster, tabulated, made, effort)
@@ -116,23 +103,55 @@ def distilled(
     return made._replace(certificate=certificate | {"largest lobe error": errors}), rows
 
 
+def traced(folder: Path, effort: Effort, about: dict[str, Any], block: light.Made) -> light.Light | None:
+    """The light of all blocks, by all processes; None but in process 0."""
+    rank, world = processes()
+    opened(folder, {"version": __version__, "seed": effort.seed, **about})
+    numbers = list(range(rank, effort.blocks, world))
+    with progress_bar("light", len(numbers)) as advance:
+        light.made(folder, numbers, block, threads_of(effort.threads, world), advance)
+    wait_for_all(world)
+    return light.loaded(folder, effort.blocks, effort.seed) if rank == 0 else None
+
+
+def certified(found: light.Light, about: dict[str, Any]) -> dict[str, Any]:
+    """How a file was made."""
+    paths = len(found.where.ax) * light.RAYS
+    return {"torchms": __version__, "torch": torch.__version__, "commit": commit(), "paths": paths, **about}
+
+
+def reach(tabulated: Tabulated) -> tuple[float, float]:
+    """Smallest and largest roughness that the lobes of a surface with these slopes are for."""
+    low, high = sorted(float(alpha) for alpha in tabulated.alphas)
+    return 0.99 * low, 1.01 * high
+
+
+def cells() -> list[held_out.Cell]:
+    """Directions of incidence of a report, on the surface as it is."""
+    return [
+        held_out.Cell(1.0, 1.0, theta, 2 * math.pi * k / AZIMUTHS)
+        for theta in ANGLES
+        for k in range(AZIMUTHS if theta > 0 else 1)
+    ]
+
+
 MODELS = ("Smith, Beckmann", "Smith", "distilled")
 """What is compared: Smith's theory with Beckmann of the same variances; of metal also with the surface's own slopes; and
 what was learned."""
 
 
+def gap(row: dict[str, Any], name: str) -> float:
+    """Largest gap of the energy of an order."""
+    return max(abs(a - b) for a, b in zip(row[name]["energy"], row["energy"], strict=True))
+
+
 def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, effort: Effort) -> list[dict[str, Any]]:
     """Energies and lobes of `MODELS` against light with other random numbers, at four angles and azimuths."""
     ax, ay = (float(alpha) for alpha in tabulated.alphas)
-    kind, metal = KINDS[effort.material], effort.material == "conductor"
-    cells = [
-        held_out.Cell(1.0, 1.0, theta, 2 * math.pi * k / AZIMUTHS)
-        for theta in ANGLES
-        for k in range(AZIMUTHS if theta > 0 else 1)
-    ]
+    kind, metal, where = KINDS[effort.material], effort.material == "conductor", cells()
     with progress_bar("held-out light", held_out.HALVES) as advance:
         rays, seed = effort.held_out, effort.seed + 77
-        traced = held_out.shares(lambda number: caster, held_out.HALVES, cells, rays, seed, advance, kind.facets)
+        shares = held_out.shares(lambda number: caster, held_out.HALVES, where, rays, seed, advance, kind.facets)
     said = _metal(made, tabulated) if metal else _diffuse(made)
 
     def rows_of(cell: held_out.Cell, wo: Tensor) -> Rows:
@@ -145,11 +164,11 @@ def report(caster: GridCaster, tabulated: Tabulated, made: files.Distillate, eff
         i, o = (Vec3(*(x[None] for x in split(w))) for w in (wi, wo))
         return torch.stack([x[0] for x in said(i, o)], -1)
 
-    models = {MODELS[0]: held_out.integrated(lambda cell, wo: kind.smith(rows_of(cell, wo)), cells)}
+    models = {MODELS[0]: held_out.integrated(lambda cell, wo: kind.smith(rows_of(cell, wo)), where)}
     if metal:
-        models[MODELS[1]] = held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo), tabulated), cells)
-    models[MODELS[2]] = held_out.integrated(learned, cells)
-    return held_out.summary(cells, traced, models)
+        models[MODELS[1]] = held_out.integrated(lambda cell, wo: smith_orders(rows_of(cell, wo), tabulated), where)
+    models[MODELS[2]] = held_out.integrated(learned, where)
+    return held_out.summary(where, shares, models)
 
 
 def _metal(made: files.Distillate, tabulated: Tabulated) -> Callable[[Vec3, Vec3], list[Tensor]]:
