@@ -9,6 +9,7 @@ from cases import direction, directions
 from test_energy import agreement
 from torch import Tensor
 
+import torchms
 from torchms import Beckmann, Distilled, RoughConductor, RoughDielectric, Tabulated
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distil.glass_fit import inputs_of
@@ -44,11 +45,14 @@ class Learned:
             model = Correction((6, 5), (4,), inputs)
             vector = model.initial(generator)
             self.parts.append((model, vector + 0.1 * torch.randn(len(vector), generator=generator), inputs))
-        (pair, each), through = (model.folded(vector) for model, vector, _ in self.parts)
+        (layers, skip), each = (found := [model.folded(vector) for model, vector, _ in self.parts])[0]
         low, high = sorted(float(alpha) for alpha in SLOPES.alphas)
         self.file = files.Distillate(
-            *("scan_glass", "Tabulated", (0.9 * low, 1.1 * high), *pair, {}, each, glass.base(), SLOPES.mixture),
-            through=through,
+            "scan_glass",
+            "Tabulated",
+            (0.9 * low, 1.1 * high),
+            *(layers, skip, {}, each, glass.base(), SLOPES.mixture),
+            through=found[1],
             eta=(ETA, ETA),
         )
 
@@ -151,3 +155,17 @@ def test_what_it_is_not_about_is_refused(learned, model, tmp_path: Path):
     files.write(tmp_path / "without.npz", learned.file._replace(eta=None))
     with pytest.raises(ValueError, match=r"layers"):
         Distilled(tmp_path / "without.npz")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("messages")
+def test_files_and_machine_code_are_eager(model, generator, tmp_path: Path):
+    """Light from both sides, reflected and transmitted. The exporter traces what the checks of types would wrap."""
+    runtime = pytest.importorskip("onnxruntime", reason="needs the onnx extra: pip install torchms[onnx]")
+    eager = RoughDielectric(model.slopes, Dielectric(ETA), model)
+    wi, wo = (torch.nn.functional.normalize(torch.randn(200, 3, generator=generator), dim=-1) for _ in range(2))
+    expected = eager(wi, wo)
+    torch.testing.assert_close(torchms.compile(eager, verbose=False)(wi, wo), expected, rtol=1e-4, atol=1e-5)
+    file = torchms.onnx.export(eager, tmp_path / "glass.onnx")
+    (found,) = runtime.InferenceSession(file).run(None, {"wi": wi.numpy(), "wo": wo.numpy()})
+    torch.testing.assert_close(torch.from_numpy(found), expected, rtol=1e-5, atol=1e-5)
