@@ -14,7 +14,7 @@ from torch import Tensor
 
 import torchms as ms
 from torchms.approximations.distil import scenes
-from torchms.approximations.distil.held_out import ANGLES, Errors, cells, compared
+from torchms.approximations.distil.held_out import ANGLES, RANDOM, Errors, cells, compared
 from torchms.approximations.distil.rows import KINDS, Rows
 from torchms.sampling.uniforms import generator_for
 
@@ -94,13 +94,13 @@ def _around(z: Tensor, turns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 def rows(where: Rows) -> list[tuple[str, slice]]:
     """Groups of cells: each fixed surface at four angles, then the random ones."""
-    fixed = len(where.ax) - 200
+    fixed = len(where.ax) - RANDOM
     return [
         *(
             (f"alpha {float(where.ax[k]):g}, {float(where.ay[k]):g}", slice(k, k + len(ANGLES)))
             for k in range(0, fixed, len(ANGLES))
         ),
-        ("200 random", slice(fixed, None)),
+        (f"{RANDOM} random", slice(fixed, None)),
         ("all", slice(None)),
     ]
 

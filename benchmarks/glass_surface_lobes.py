@@ -86,8 +86,8 @@ def compared(options: Options, made: files.Distillate, path: Path) -> list[dict[
     assert made.slopes is not None
     slopes, lobes, rows = Tabulated(*made.slopes), GlassSurfaceLobes(made), []
     where = [held_out.Cell(1.0, 1.0, theta, 0.0) for theta in ANGLES]
+    others, model = [gaussian(options, 1 + n) for n in range(options.surfaces)], Distilled(path)
     for k, eta in enumerate((ETA, 1 / ETA)):
-        others = [gaussian(options, 1 + n) for n in range(options.surfaces)]
         casters = [GridTracer().bind(Grid.of(light.turned_over(x) if k else x)) for x in others]
         facets, key = DielectricFacets(eta), FIRST_KEY + k
         traced = held_out.shares(casters, options.surfaces, where, options.rays, key, facets=facets, sides=2)
@@ -95,15 +95,14 @@ def compared(options: Options, made: files.Distillate, path: Path) -> list[dict[
         twice = [cell for cell in where for _ in glass_scan.LEAVES]
         for n, row in enumerate(held_out.summary(twice, traced, said)):
             side = -1 if k else 1
-            for name, energy in walked(options, path, side * torch.from_numpy(twice[n].wi).float(), n % 2).items():
+            for name, energy in walked(options, model, side * torch.from_numpy(twice[n].wi).float(), n % 2).items():
                 row[name]["energy"] = energy
             rows.append(row | {"from": glass_scan.FROM[k], "leaves": glass_scan.LEAVES[n % 2]})
     return rows
 
 
-def walked(options: Options, path: Path, wi: torch.Tensor, transmitted: int) -> dict[str, list[float]]:
+def walked(options: Options, learned: Distilled, wi: torch.Tensor, transmitted: int) -> dict[str, list[float]]:
     """Energies of the orders by walks: of lobes that may be narrower than the cells."""
-    learned = Distilled(path)
     found = {}
     for name, slopes, model in (
         (COMPARED[0], Beckmann(*options.alpha), Distilled()),
@@ -139,7 +138,7 @@ def main(options: Options) -> None:
         sum(rows[n]["distilled"]["energy"] + rows[n + 1]["distilled"]["energy"]) - 1 for n in range(0, len(rows), 2)
     ]
     command = f"python benchmarks/glass_surface_lobes.py --alpha {options.alpha[0]:g} {options.alpha[1]:g}"
-    command += f" --paths {options.paths:g} --steps {options.steps}"
+    command += f" --paths {options.paths:g} --steps {options.steps} --rays {options.rays}"
     content = {"command": command, "version": __version__, "rms_energy_gap": gaps, "noise": noise, "cells": rows}
     write_json(out, content, options.force)
     for row in rows:

@@ -165,12 +165,15 @@ class Distilled(Scattering):
         # The range holds for numbers of any precision: 0.03 in float32 is a little less than in float64.
         bad = (value < low * (1 - 1e-6)) | (value > high * (1 + 1e-6))
         if bool(bad.any()):
+            allowed, other = (
+                f"lie in [{low:g}, {high:g}]",
+                "a range of your own run python -m torchms.approximations.distil",
+            )
+            if low == high:
+                allowed, other = f"be {low:g}", "another run torchms distil"
             raise ValueError(
-                f"Distilled: {what} must {'be ' if low == high else 'lie in '}"
-                f"{f'{low:g}' if low == high else f'[{low:g}, {high:g}]'}, for which its lobes were distilled; "
-                f"got {first_bad(bad, value)}. {REMEDY} For {'another' if low == high else 'a range of your own'} run "
-                f"{'torchms distil' if low == high else 'python -m torchms.approximations.distil'} and give its file as "
-                "Distilled(table)."
+                f"Distilled: {what} must {allowed}, for which its lobes were distilled; got {first_bad(bad, value)}. "
+                f"{REMEDY} For {other} and give its file as Distilled(table)."
             )
 
     def proposal(self, vertex: Vertex) -> Proposal | None:

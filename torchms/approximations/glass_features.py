@@ -12,6 +12,7 @@ from torch import Tensor
 
 from torchms.approximations import pair_features as pair
 from torchms.distributions.base import EllipticDistribution
+from torchms.maths import frame
 from torchms.maths.frame import Vec3, select
 from torchms.paths.refractive import Refractive
 
@@ -158,12 +159,8 @@ def inputs(found: Pair, features: Features = SYMMETRIC) -> tuple[list[Tensor], l
 
 def stacked(a: pair.Seen, b: pair.Seen) -> pair.Seen:
     """Both, along a first axis."""
-
-    def both(x: Tensor, y: Tensor) -> Tensor:
-        return torch.stack(torch.broadcast_tensors(x, y))
-
-    rest = (both(x, y) for x, y in zip(a[1:], b[1:], strict=True))
-    return pair.Seen(Vec3(*(both(x, y) for x, y in zip(a.w, b.w, strict=True))), *rest)
+    rest = (torch.stack(torch.broadcast_tensors(x, y)) for x, y in zip(a[1:], b[1:], strict=True))
+    return pair.Seen(frame.stacked(a.w, b.w), *rest)
 
 
 def chosen(mask: Tensor, a: pair.Seen, b: pair.Seen) -> pair.Seen:

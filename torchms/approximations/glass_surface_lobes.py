@@ -5,7 +5,7 @@ from torch import Tensor
 
 from torchms.approximations import free_glass_features as free
 from torchms.approximations.distilled_file import Distillate, Weights
-from torchms.approximations.glass_features import SYMMETRIC, Features, inputs, pair_of
+from torchms.approximations.glass_features import SYMMETRIC, Features, Pair, inputs, pair_of
 from torchms.approximations.glass_lobes import GlassLobes
 from torchms.approximations.surface_correction import SurfaceCorrection, facets_of
 from torchms.maths.frame import Vec3
@@ -43,14 +43,19 @@ class GlassSurfaceLobes(GlassLobes):
         found = pair_of(self.facets_of(vertex), wi, wo)
         smiths = inputs(found)
         rest = self.rest_of(found, *smiths)
-        reflected, transmitted, of_both = smiths if self.facets is None else inputs(found, self.features)
-        r, _ = self.of_reflected.factors(reflected, of_both)
-        t, _ = self.of_transmitted.factors(transmitted, of_both)
-        first, *factors = (torch.where(found.crosses, b, a) for a, b in zip(r, t, strict=True))
+        first, *factors = self._factors(found, smiths if self.facets is None else inputs(found, self.features))
         return first, [share * rest * factor for share, factor in zip(SHARES, factors, strict=True)]
 
     def once(self, vertex: Refractive, wi: Vec3, wo: Vec3) -> Tensor | None:
-        return self.beyond_first(vertex, wi, wo)[0]
+        found = pair_of(self.facets_of(vertex), wi, wo)
+        return self._factors(found, inputs(found, self.features))[0]
+
+    def _factors(self, found: Pair, features: tuple[list[Tensor], list[Tensor], list[Tensor]]) -> list[Tensor]:
+        """Corrections of the orders, each of the side on which light leaves."""
+        reflected, transmitted, of_both = features
+        r, _ = self.of_reflected.factors(reflected, of_both)
+        t, _ = self.of_transmitted.factors(transmitted, of_both)
+        return [torch.where(found.crosses, b, a) for a, b in zip(r, t, strict=True)]
 
 
 def _with(distillate: Distillate, pair: Weights, each: Weights) -> Distillate:

@@ -70,7 +70,7 @@ def shares(
             key = np.array([seed, number * 4096 + k], dtype=np.uint32)
             left = exits(stretched(caster, cell.ax, cell.ay), facets or MirrorFacets(), wi, key, LONGEST)
             for side in range(sides):
-                some = (left.order > 0) & ((left.wo[:, 2] < 0) == (side > 0)) if sides > 1 else left.order > 0
+                some = (left.order > 0) & ((left.wo[:, 2] < 0) == (side > 0))
                 place = binned(left.wo[some]) + ROWS * COLUMNS * (np.minimum(left.order[some].astype(int), ORDERS) - 1)
                 counts = np.bincount(place, minlength=ORDERS * ROWS * COLUMNS).reshape(ORDERS, -1)
                 found[number % HALVES, k * sides + side] += counts

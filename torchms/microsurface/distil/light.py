@@ -140,8 +140,7 @@ def made(folder: Path, numbers: Sequence[int], block: Made, threads: int, advanc
         path = folder / f"light-{number:05d}.npz"
         if not path.exists():
             file = io.BytesIO()
-            arrays = block(number)
-            content: dict[str, Any] = arrays
+            content: dict[str, Any] = block(number)
             np.savez(file, **content)
             write_whole(path, file.getvalue(), force=True)
 
