@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from torchms.machine.program import KINDS, Number, Program
+from torchms.machine.program import KINDS, Grid, Number, Program
 from torchms.machine.values import Values, like
 
 UNARY = frozenset(
@@ -21,8 +21,8 @@ BITS |= {"__or__": "or", "bitwise_xor": "xor", "logical_xor": "xor", "__xor__": 
 SHIFTS = {"__rshift__": "shr", "bitwise_right_shift": "shr", "__lshift__": "shl", "bitwise_left_shift": "shl"}
 COMPARISONS = frozenset(["lt", "le", "gt", "ge", "eq", "ne"])
 FOLDS = {"sum": "add", "mean": "add", "amax": "max", "amin": "min", "prod": "mul"}
-UNROLLED = 512
-"""Products of a matrix product from which on it is a loop in machine code."""
+UNROLLED = 128
+"""Numbers of the largest matrix in memory whose products are written out; a larger one has a loop, faster and built sooner."""
 
 
 def knows(name: str) -> bool:
@@ -120,20 +120,35 @@ def _isnan(values: Values, out: Tensor, x: Tensor) -> Tensor:
 
 def _product(values: Values, out: Tensor, a: Tensor, b: Tensor) -> Tensor:
     """Of matrices, or of as many of them as the first axis has."""
-    kind, found = KINDS[out.dtype], []
     left, right = values.of(a, out.dtype).reshape(-1, *a.shape[-2:]), values.of(b, out.dtype).reshape(-1, *b.shape[-2:])
-    large = out.numel() * left.shape[-1] > UNROLLED
-    for rows, columns in zip(left.tolist(), right.mT.tolist(), strict=True):
-        found += [_inner(values.program, kind, row, column, large) for row in rows for column in columns]
-    return like(found, out.shape)
+    found = [_of_two(values.program, KINDS[out.dtype], x, y) for x, y in zip(left, right.mT, strict=True)]
+    return torch.stack(found).reshape(out.shape)
 
 
-def _inner(program: Program, kind: str, a: list[int], b: list[int], large: bool) -> int:
-    """Σ a_i b_i: operation by operation, or as a loop if many of them are wanted and one side is read from memory."""
-    if large:
-        for values, read in ((a, program.run(b)), (b, program.run(a))):
-            if read is not None:
-                return program.add("dot", kind, program.add("array", kind, *values), *read, len(values))
+def _of_two(program: Program, kind: str, rows: Tensor, columns: Tensor) -> Tensor:
+    """Inner products of rows and columns: one by one, or in a loop if one side is large and lies in memory."""
+    if rows.numel() > UNROLLED and (place := program.grid(rows.tolist())) is not None:
+        return torch.stack([_in_loop(program, kind, column, place) for column in columns], 1)
+    if columns.numel() > UNROLLED and (place := program.grid(columns.tolist())) is not None:
+        return torch.stack([_in_loop(program, kind, row, place) for row in rows])
+    return torch.tensor([[_inner(program, kind, row, column) for column in columns.tolist()] for row in rows.tolist()])
+
+
+def _in_loop(program: Program, kind: str, vector: Tensor, place: Grid) -> Tensor:
+    """The product of a matrix in memory and a vector, whose numbers that all elements share are taken before the loop."""
+    parts = []
+    for wanted in (False, True):
+        some = [k for k, v in enumerate(vector.tolist()) if program.varies[v] is wanted]
+        if some:
+            array = program.add("array", kind, *(int(vector[k]) for k in some))
+            first = (place.first[k] for k in some)
+            product = program.add("matrix", kind, array, place.tensor, place.down, place.rows, *first)
+            parts.append([program.add("element", kind, product, k) for k in range(place.rows)])
+    totals = parts[0] if len(parts) == 1 else [program.add("add", kind, *pair) for pair in zip(*parts, strict=True)]
+    return torch.tensor(totals)
+
+
+def _inner(program: Program, kind: str, a: list[int], b: list[int]) -> int:
     total: int | None = None
     for x, y in zip(a, b, strict=True):
         term = program.add("mul", kind, x, y)

@@ -22,13 +22,23 @@ class Operation(NamedTuple):
     arguments: tuple[int | Number | str, ...]
 
 
+class Grid(NamedTuple):
+    """A matrix in memory: a shared tensor, how far it is from one row to the next, how many there are, and the first one."""
+
+    tensor: int
+    down: int
+    rows: int
+    first: tuple[int, ...]
+
+
 @dataclass
 class Program:
     """Operations in order, of which some are results.
 
     Value i is what `operations[i]` gives. An element's own inputs are ("column", kind, (index,)), those that all elements
-    share ("shared", kind, (tensor, offset)). An ("array", kind, values) is for ("dot", kind, (array, tensor, offset, step,
-    count)), the sum of products with numbers that all elements share. `varies[i]`: whether value i may differ between elements.
+    share ("shared", kind, (tensor, offset)). An ("array", kind, values) is for ("matrix", kind, (array, tensor, down, rows,
+    *first)), its product with the matrix of a `Grid`, whose elements are ("element", kind, (matrix, index)).
+    `varies[i]`: whether value i may differ between elements.
     """
 
     operations: list[Operation] = field(default_factory=list)
@@ -56,18 +66,19 @@ class Program:
         """The values that an operation takes."""
         if operation.name in LEAVES:
             return ()
-        return operation.arguments[:1] if operation.name == "dot" else operation.arguments  # type: ignore[return-value]
+        first_only = operation.name in ("matrix", "element")
+        return operation.arguments[:1] if first_only else operation.arguments  # type: ignore[return-value]
 
-    def run(self, values: list[int]) -> tuple[int, int, int] | None:
-        """Which shared tensor, from where and in what steps, if it holds these values one after the other; else None."""
-        found = [self.operations[v] for v in values]
-        if len(values) < 2 or any(o.name != "shared" for o in found):
+    def grid(self, rows: list[list[int]]) -> Grid | None:
+        """Where these values lie, if in one shared tensor with the same step from each row to the next; else None."""
+        found = [[self.operations[v] for v in row] for row in rows]
+        if len(rows) < 2 or any(o.name != "shared" for row in found for o in row):
             return None
-        (which, first), (_, second) = found[0].arguments, found[1].arguments
-        step = int(second) - int(first)
-        if any(o.arguments != (which, int(first) + i * step) for i, o in enumerate(found)):
-            return None
-        return int(which), int(first), step
+        places = [[int(o.arguments[1]) for o in row] for row in found]
+        tensor, down = found[0][0].arguments[0], places[1][0] - places[0][0]
+        even = [[(tensor, place + k * down) for place in places[0]] for k in range(len(rows))]
+        same = [[o.arguments for o in row] for row in found] == even
+        return Grid(int(tensor), down, len(rows), tuple(places[0])) if same else None
 
     def constant(self, value: int) -> Number | None:
         """The plain number that a value is, if it is one."""

@@ -51,7 +51,7 @@ def _cells(program: Program, needed: list[bool]) -> dict[int, int]:
     ]
     cells: dict[int, int] = {}
     for value in [*read, *program.results]:
-        if not varies[value] and operations[value].name not in ("number", "array"):
+        if not varies[value] and operations[value].name not in ("number", "array", "matrix"):
             cells.setdefault(value, len(cells))
     return cells
 
@@ -66,8 +66,7 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
         if operation.name == "column":
             # Not in the loop: what it writes might be these addresses.
             before.append(f"const void* const c{operation.arguments[0]} = columns[{operation.arguments[0]}];")
-        size = f"[{len(operation.arguments)}]" if operation.name == "array" else ""
-        line = f"const {TYPES[operation.kind]} v{value}{size} = {_expression(operation, program, fast)};"
+        line = _statement(value, operation, program, fast)
         if varies[value]:
             loop.append(line)
         else:
@@ -102,6 +101,17 @@ def _functions(program: Program, needed: list[bool], fast: bool) -> str:
     )
 
 
+def _statement(value: int, operation: Operation, program: Program, fast: bool) -> str:
+    name, kind, arguments = operation
+    if name == "array":
+        return f"const {TYPES[kind]} v{value}[{len(arguments)}] = {{{', '.join(f'v{a}' for a in arguments)}}};"
+    if name == "matrix":
+        (vector, tensor, down, rows), first = arguments[:4], ", ".join(str(a) for a in arguments[4:])
+        memory = f"(const {SCALARS[kind]}*)shared[{tensor}]"
+        return f"{TYPES[kind]} v{value}[{rows}]; matrix<{rows}, {down}, {first}>(v{value}, v{vector}, {memory});"
+    return f"const {TYPES[kind]} v{value} = {_expression(operation, program, fast)};"
+
+
 def _number(text: str, kind: str) -> str:
     if kind == "b":
         return "all_b(-1)" if text == "True" else "all_b(0)"
@@ -125,11 +135,8 @@ def _expression(operation: Operation, program: Program, fast: bool) -> str:
     if name == "shared":
         return f"all_{kind}(((const {SCALARS[kind]}*)shared[{arguments[0]}])[{arguments[1]}])"
     operands = [f"v{a}" for a in arguments]
-    if name == "array":
-        return f"{{{', '.join(operands)}}}"
-    if name == "dot":
-        array, which, offset, step, count = arguments
-        return f"dot(v{array}, (const {SCALARS[kind]}*)shared[{which}] + {offset}, {step}, {count})"
+    if name == "element":
+        return f"v{arguments[0]}[{arguments[1]}]"
     kinds = [program.operations[a].kind for a in arguments]  # type: ignore[index]
     if name == "div" and kind in "fd":
         return f"quotient({operands[0]}, {operands[1]})"

@@ -274,11 +274,23 @@ IN D m_sqrt(D x) {
 IN D m_sqrt(D x) { for (int i = 0; i < LANES; i++) x[i] = __builtin_sqrt(x[i]); return x; }
 #endif
 
-// Σ a_i b_i in four sums side by side, which do not wait for each other.
-template <class V, class T> static __attribute__((noinline)) V dot(const V* a, const T* b, int64_t step, int64_t count) {
-    V sum[4] = {V{}, V{}, V{}, V{}};
-    int64_t i = 0;
-    for (; i + 4 <= count; i += 4) for (int j = 0; j < 4; j++) sum[j] += a[i + j] * b[(i + j) * step];
-    for (; i < count; i++) sum[0] += a[i] * b[i * step];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+// The product of a matrix and a vector of registers, so many rows at a time that their sums stay in registers. FIRST: where the
+// first number of each column is; the next is DOWN further.
+#define EACH_SUM _Pragma("GCC unroll 16") for (int k = 0; k < N; k++)
+template <int N, int DOWN, int... FIRST, class V, class T> IN void some_rows(V* to, const V* from, const T* matrix) {
+    static constexpr int first[] = {FIRST...};
+    V sum[N];
+    EACH_SUM sum[k] = from[0] * matrix[first[0] + k * DOWN];
+    for (int i = 1; i < int(sizeof...(FIRST)); i++) {
+        const T* column = matrix + first[i];
+        EACH_SUM sum[k] += from[i] * column[k * DOWN];
+    }
+    EACH_SUM to[k] = sum[k];
+}
+template <int ROWS, int DOWN, int... FIRST, class V, class T> UNMIXED static void matrix(V* to, const V* from, const T* matrix) {
+    constexpr int MOST = 12, PARTS = (ROWS + MOST - 1) / MOST, LESS = ROWS / PARTS, MORE = ROWS % PARTS;
+    for (int part = 0; part < MORE; part++, to += LESS + 1, matrix += (LESS + 1) * DOWN)
+        some_rows<LESS + 1, DOWN, FIRST...>(to, from, matrix);
+    for (int part = MORE; part < PARTS; part++, to += LESS, matrix += LESS * DOWN)
+        some_rows<LESS, DOWN, FIRST...>(to, from, matrix);
 }
