@@ -63,8 +63,8 @@ distil: $(STAMP)  ## the lobes of Distilled, from a seed to the files in the pac
 	$(BIN)/python -m torchms.approximations.distil --distribution Beckmann --force --out torchms/approximations/distilled_beckmann_metal.npz
 	$(BIN)/python -m torchms.approximations.distil.glass --distribution GGX --blocks 12 --widths 36 28 --each 16 --cells 3072 --force --outs torchms/approximations/distilled_ggx_reflected.npz torchms/approximations/distilled_ggx_transmitted.npz
 	$(BIN)/python -m torchms.approximations.distil.glass --distribution Beckmann --force --outs torchms/approximations/distilled_beckmann_reflected.npz torchms/approximations/distilled_beckmann_transmitted.npz
-	$(BIN)/python -m torchms.approximations.distil.diffuse --distribution GGX --force --out torchms/approximations/distilled_ggx_diffuse.npz
-	$(BIN)/python -m torchms.approximations.distil.diffuse --distribution Beckmann --force --out torchms/approximations/distilled_beckmann_diffuse.npz
+	$(BIN)/python -m torchms.approximations.distil.diffuse --distribution GGX --blocks 96 --widths 30 26 --steps 60 --force --out torchms/approximations/distilled_ggx_diffuse.npz
+	$(BIN)/python -m torchms.approximations.distil.diffuse --distribution Beckmann --blocks 96 --widths 30 26 --steps 60 --force --out torchms/approximations/distilled_beckmann_diffuse.npz
 
 export: $(STAMP)  ## the set of ONNX files with its parity table
 	$(BIN)/python -m export
