@@ -1,6 +1,6 @@
 """How far distilled diffuse facets are from the exact model where they were not trained: lobes and furnace, as a table.
 
-python benchmarks/distilled_diffuse.py --distribution GGX [--file mine.npz]
+python benchmarks/distilled_diffuse.py --distribution GGX [--file mine.npz] [--fixed --paths 8192 32768]
 """
 
 import math
@@ -14,7 +14,7 @@ from torch import Tensor
 
 import torchms as ms
 from torchms.approximations.distil import scenes
-from torchms.approximations.distil.held_out import ANGLES, RANDOM, Errors, cells, compared
+from torchms.approximations.distil.held_out import ALPHAS, ANGLES, RANDOM, Errors, cells, compared
 from torchms.approximations.distil.rows import KINDS, Rows
 from torchms.sampling.uniforms import generator_for
 
@@ -37,6 +37,8 @@ class Options:
     """Outgoing directions of a lobe."""
     paths: tuple[int, int] = (2048, 8192)
     """Walks of either reference, and of its one bounce."""
+    fixed: bool = False
+    """Without the random surfaces: for references of many walks."""
     seed: int = 77
     """Of the references."""
 
@@ -94,13 +96,14 @@ def _around(z: Tensor, turns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 def rows(where: Rows) -> list[tuple[str, slice]]:
     """Groups of cells: each fixed surface at four angles, then the random ones."""
-    fixed = len(where.ax) - RANDOM
+    fixed = len(ALPHAS) * len(ANGLES)
+    random = [(f"{RANDOM} random", slice(fixed, None))] if fixed < len(where.ax) else []
     return [
         *(
             (f"alpha {float(where.ax[k]):g}, {float(where.ay[k]):g}", slice(k, k + len(ANGLES)))
             for k in range(0, fixed, len(ANGLES))
         ),
-        (f"{RANDOM} random", slice(fixed, None)),
+        *random,
         ("all", slice(None)),
     ]
 
@@ -109,6 +112,8 @@ def rows(where: Rows) -> list[tuple[str, slice]]:
 def main(options: Options) -> None:
     """Print the median and the largest error of each group."""
     where = cells((0.03, 1.0), options.seed)
+    if options.fixed:
+        where = Rows(*(x[: len(ALPHAS) * len(ANGLES)] for x in where))
     errors, energy = lobe_errors(options, where), furnace(options, where).abs()
     print(
         f"| cells | {' | '.join(f'albedo {a:g}: median, largest' for a in ALBEDOS)} | noise | furnace: median, largest |"

@@ -195,7 +195,7 @@ def test_maps_of_every_parameter(generator):
             GGX(a[i], b[i]), Conductor(b[i][..., None], c[i][..., None]), Unidirectional(Invariance())
         ),
         lambda i: RoughDielectric(GGX(a[i]), Dielectric(1.1 + c[i])),
-        lambda i: RoughDiffuse(GGX(a[i]), c[i][..., None].clamp_max(1)),
+        lambda i: RoughDiffuse(GGX(a[i]), c[i][..., None].clamp_max(1), Unidirectional(Invariance())),
     ):
         surface = make(...)
         u = surface.uniforms(shape, 2, generator=generator)

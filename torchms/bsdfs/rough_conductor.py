@@ -1,15 +1,11 @@
 """Rough metal."""
 
-import contextlib
-
-from torchms.approximations.distilled import Distilled
 from torchms.bsdfs.base import BSDF
-from torchms.distributions.base import EllipticDistribution, MicrofacetDistribution
+from torchms.bsdfs.usual import usual
+from torchms.distributions.base import MicrofacetDistribution
 from torchms.estimators.base import Scattering
-from torchms.estimators.unidirectional import Unidirectional
 from torchms.fresnel.base import Fresnel
 from torchms.paths.mirror import Mirror
-from torchms.paths.segments import Invariance
 from torchms.sampling.proposals import Proposal, ReflectionProposal
 
 
@@ -32,16 +28,7 @@ class RoughConductor(BSDF):
                 f"got {fresnel!r}."
             )
         self.fresnel = fresnel
-        self._assemble(distribution, self._default(distribution) if scattering is None else scattering)
-
-    def _default(self, distribution: MicrofacetDistribution) -> Scattering:
-        """All bounces without noise where they are distilled, and their estimate elsewhere."""
-        if isinstance(distribution, EllipticDistribution):
-            distilled = Distilled()
-            with contextlib.suppress(ValueError):
-                distilled.check(Mirror(distribution, self.fresnel))
-                return distilled
-        return Unidirectional(Invariance())
+        self._assemble(distribution, usual(Mirror(distribution, fresnel)) if scattering is None else scattering)
 
     @property
     def is_lossless(self) -> bool:
