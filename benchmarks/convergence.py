@@ -169,7 +169,7 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
     for axis in axes.flat[len(rows) :]:
         axis.axis("off")
     axes.flat[-1].legend(*axes.flat[0].get_legend_handles_labels(), loc="center", frameon=False)
-    figure.supxlabel("processor time of a picture [s]", fontsize=10)
+    figure.supxlabel("time of a picture, one thread [s]", fontsize=10)
     figure.supylabel("mean square error / mean square", fontsize=10)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100, pil_kwargs={"optimize": True})
@@ -189,9 +189,9 @@ def main() -> None:
     if options.plot_only:
         import json
 
-        from record import RESULTS
+        from record import HOME
 
-        plot(json.loads((RESULTS / "convergence.json").read_text())["rows"], FIGURE)
+        plot(json.loads((HOME / "convergence.json").read_text())["rows"], FIGURE)
         return
     if options.quick:
         run(32, 4, [1, 4], 2, 64, quick=True)
