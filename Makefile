@@ -51,7 +51,7 @@ demo-fit: $(STAMP)  ## inverse rendering of gold and glass, with all bounces and
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fit.py
 
 figures: $(STAMP)  ## lobes of explicit surfaces against the models (3 materials x 4 roughnesses), G1 of GTR, bounded normals
-	$(BIN)/python benchmarks/microsurface_figures.py --out docs/figures --rays 1e6 --walks 2e5 --surfaces 8
+	$(BIN)/python benchmarks/microsurface_figures.py --out docs/figures --rays 2e6 --walks 5e5 --surfaces 8
 	$(BIN)/python benchmarks/gtr_figures.py
 	$(BIN)/python benchmarks/bounded_normals.py
 
