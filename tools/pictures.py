@@ -61,7 +61,7 @@ def pictures(folder: Path, light: Path) -> list[RenderOptions]:
         RenderOptions(
             out=str(folder / "glass.png"),
             bsdf="RoughDielectric(GGX(0.1), Dielectric(1.5), HeightWalk(4))",
-            samples=320,
+            samples=48,
             inner=6,
             **lit,
         ),
