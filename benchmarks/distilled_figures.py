@@ -28,12 +28,13 @@ SURFACES: tuple[tuple[str, tuple[float, ...], float], ...] = (
     ("Beckmann", (1.0,), 0.5),
 )
 """Distribution, roughness and angle of incidence [rad]."""
+# Colours of Okabe and Ito; dashes tell the same.
 MODELS = {
-    "exact": ("0.75", 5.0, "-"),
-    "Distilled": ("tab:blue", 1.3, "-"),
-    "Kulla–Conty": ("tab:orange", 1.3, "--"),
-    "Turquin": ("tab:green", 1.3, "-."),
-    "one bounce": ("black", 1.0, ":"),
+    "exact": ("0.78", 6.0, "-"),
+    "Distilled": ("#0072B2", 1.5, "-"),
+    "Kulla–Conty": ("#D55E00", 1.5, "--"),
+    "Turquin": ("#009E73", 1.5, "-."),
+    "one bounce": ("black", 1.3, ":"),
 }
 PATHS = 4096
 GOLD = "RoughConductor(GGX(1.0), Conductor.metal('Au'), {})"
@@ -64,24 +65,26 @@ def lobes(kind: str, alpha: tuple[float, ...], theta: float, angles: Tensor) -> 
 
 def draw_lobes(path: Path) -> None:
     """Polar plots of the surfaces."""
+    plt.rcParams.update({"font.size": 11})
     angles = torch.linspace(-math.pi / 2 + 1e-3, math.pi / 2 - 1e-3, 181)
-    figure, axes = plt.subplots(1, len(SURFACES), figsize=(15, 3.2), subplot_kw={"projection": "polar"})
-    for axis, (kind, alpha, theta) in zip(axes, SURFACES, strict=True):
+    figure, axes = plt.subplots(2, 2, figsize=(9.5, 6.4), subplot_kw={"projection": "polar"})
+    for axis, (kind, alpha, theta) in zip(axes.flat, SURFACES, strict=True):
         for name, value in lobes(kind, alpha, theta, angles).items():
             colour, width, dash = MODELS[name]
             axis.plot(angles, value, color=colour, linewidth=width, linestyle=dash, label=name)
         axis.set_theta_zero_location("N")
         axis.set_theta_direction(-1)
         axis.set_thetalim(-math.pi / 2, math.pi / 2)
-        axis.set_title(f"{kind}, α = {', '.join(f'{a:g}' for a in alpha)}, θ = {theta:g} rad", fontsize=10, y=0.9)
-        axis.tick_params(labelsize=7)
+        axis.set_thetagrids(range(-90, 91, 30))
+        roughness = " × ".join(f"{a:g}" for a in alpha)
+        axis.set_title(f"{kind}, α = {roughness}; light from −{math.degrees(theta):.0f}°", fontsize=11, y=0.88)
+        axis.tick_params(labelsize=9)
         axis.yaxis.set_major_locator(MaxNLocator(3))
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), fontsize=9, loc="lower center", ncols=len(MODELS), frameon=False
-    )
-    figure.text(0.99, 0.03, "f cos θ_o [1/sr], F = 1, light from the left", ha="right", fontsize=8)
-    figure.subplots_adjust(left=0.02, right=0.98, wspace=0.12, top=1.02, bottom=0.0)
-    figure.savefig(path, dpi=90)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="lower center", ncols=len(MODELS), frameon=False)
+    figure.text(0.5, 0.065, "f cos θ_o [1/sr] over the angle of the outgoing direction; F = 1", ha="center")
+    figure.subplots_adjust(left=0.03, right=0.97, wspace=0.12, hspace=-0.1, top=1.01, bottom=0.03)
+    figure.savefig(path, dpi=90, pil_kwargs={"optimize": True})
+    plt.close(figure)
 
 
 def draw_spheres(path: Path) -> None:
@@ -103,7 +106,7 @@ def draw_spheres(path: Path) -> None:
                     samples=2,
                     width=320,
                     height=320,
-                    towards_light=(-0.5, 0.6, 0.8),
+                    towards_light=(-0.25, 0.3, 0.9),
                     intensity=4.0,
                     background="black",
                     tone="filmic",
@@ -111,10 +114,10 @@ def draw_spheres(path: Path) -> None:
                 )
             )
             axis.imshow(plt.imread(out), interpolation="nearest")
-            axis.set_title(name, fontsize=10)
+            axis.set_title(name, fontsize=11)
             axis.axis("off")
     figure.subplots_adjust(left=0.01, right=0.99, wspace=0.03, top=0.9, bottom=0.01)
-    figure.savefig(path, dpi=100)
+    figure.savefig(path, dpi=100, pil_kwargs={"optimize": True})
 
 
 if __name__ == "__main__":

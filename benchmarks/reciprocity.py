@@ -103,30 +103,36 @@ def plot(rows: list[dict[str, Any]], shown: dict[str, Any], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(2, 2, figsize=(7.2, 7.0), height_ratios=(1.2, 1))
+    pyplot.rcParams.update({"font.size": 11})
+    figure, axes = pyplot.subplots(2, 2, figsize=(9, 7.6), height_ratios=(1.3, 1), layout="constrained")
     limit = max(float(shown[row["model"]][0].abs().quantile(0.995)) for row in rows)
+    images = []
     for column, row in enumerate(rows):
         difference, variance, _ = shown[row["model"]]
         picture = torch.full((shown["size"] ** 2,), torch.nan, dtype=torch.float64)
         picture[shown["index"]] = difference
         top, below = axes[0][column], axes[1][column]
         drawn = top.imshow(picture.reshape(shown["size"], -1), cmap="RdBu_r", vmin=-limit, vmax=limit)
-        top.set_title(row["model"], fontsize=10)
+        images.append(drawn)
+        top.set_title(f"{row['model']}\nmean {row['mean']:+.1e} ± {row['mean_stderr']:.0e}")
         top.axis("off")
-        figure.colorbar(drawn, ax=top, shrink=0.8)
         bins = torch.linspace(-limit, limit, 61).numpy()
-        below.hist(difference.numpy(), bins, color="tab:blue", alpha=0.7, label="difference")
+        below.hist(difference.numpy(), bins, color="#56B4E9", label="difference of a pixel")
         noise = torch.randn(len(difference), generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-        below.hist((noise * variance.sqrt()).numpy(), bins, histtype="step", color="black", label="noise alone")
-        below.axvline(row["mean"], color="tab:red", lw=1, label=f"mean {row['mean']:+.1e} ± {row['mean_stderr']:.0e}")
-        below.legend(fontsize=7, frameon=False, loc="upper left")
+        below.hist((noise * variance.sqrt()).numpy(), bins, histtype="step", color="black", label="its noise alone")
+        below.set_yscale("symlog", linthresh=10)
+        below.set_ylim(0, 1.2 * len(difference))
         below.set_xlabel("difference [1/sr]")
         below.set_ylabel("pixels")
-    title = f"ρ(ωi, ωo) − ρ(ωo, ωi): F = 1, GGX α = {rows[0]['alpha']}, {rows[0]['paths']} paths a pixel and way"
-    figure.suptitle(title, fontsize=10)
-    figure.tight_layout()
+    figure.colorbar(images[-1], ax=axes[0], shrink=0.8, label="difference [1/sr]")
+    figure.legend(*axes[1][0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    figure.suptitle(
+        f"What exchanging light and view changes on a sphere: F = 1, GGX α = {rows[0]['alpha']:g}, "
+        f"{rows[0]['paths']} paths a pixel and way",
+        fontsize=11,
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=90)
+    figure.savefig(path, dpi=90, pil_kwargs={"optimize": True})
     pyplot.close(figure)
 
 

@@ -91,13 +91,14 @@ def main() -> None:
         target = clean * (1 + 0.01 * torch.randn(clean.shape, generator=generator))
     shown = [[target[0], *truth]]
     print(f"{'mean error of':>15} {'base colour':>12} {'metallic':>9} {'roughness':>10} {'loss':>9} {'seconds':>8}")
-    for bounces in ("all", "one"):
+    names = {"all": "all bounces", "one": "one bounce"}
+    for bounces in names:
         start = time.perf_counter()
         found, losses = fit(target, g, bounces, options.steps)
         seconds = time.perf_counter() - start
         errors = [float((a - b).abs().mean()) for a, b in zip(found, truth, strict=True)]
         print(
-            f"{bounces + ' bounces':>15} {errors[0]:12.4f} {errors[1]:9.4f} {errors[2]:10.4f} {losses[-1]:9.2e} {seconds:8.1f}"
+            f"{names[bounces]:>15} {errors[0]:12.4f} {errors[1]:9.4f} {errors[2]:10.4f} {losses[-1]:9.2e} {seconds:8.1f}"
         )
         with torch.no_grad():
             shown.append([pictures(found, g, bounces)[0], *found])

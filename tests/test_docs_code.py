@@ -104,6 +104,7 @@ WITH_PYTHON = [
 ]
 
 
+@pytest.mark.usefixtures("messages")
 @pytest.mark.parametrize("page", WITH_PYTHON)
 def test_python_runs(page: str, folder: Path) -> None:
     """Then the commands of a slow page that are marked as `console`, in the same folder."""

@@ -110,6 +110,29 @@ def test_an_index_takes_them(built: Path) -> None:
     assert said.count("PASSED") == 2
 
 
+@pytest.mark.slow
+def test_who_works_beside_a_clone_imports_the_package(tmp_path: Path) -> None:
+    """A clone is a folder named torchms, which Python takes for a package of that name if nothing else is found first."""
+    if find_spec("setuptools") is None:
+        pytest.skip("needs setuptools: pip install setuptools")
+    clone = repository(tmp_path).rename(tmp_path / "torchms")
+    run(
+        sys.executable,
+        "-c",
+        f"from setuptools.build_meta import build_editable; build_editable({str(tmp_path)!r})",
+        cwd=clone,
+    )
+    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    script = tmp_path / "own.py"
+    script.write_text("import site, sys; site.addsitedir(sys.argv[1]); import torchms; print(torchms.__file__)")
+    assert run(sys.executable, "-S", str(script), str(site), cwd=tmp_path).strip() == str(
+        clone / "torchms" / "__init__.py"
+    )
+
+
 def closure(name: str, found: set[str]) -> set[str]:
     """The installed distributions that this one needs without extras, itself among them."""
     if name not in found:

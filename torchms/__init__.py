@@ -3,6 +3,7 @@
 Names are loaded when they are first used, so that `torchms --help` need not wait for torch.
 """
 
+import sys
 from importlib import import_module
 from inspect import ismodule
 from typing import TYPE_CHECKING, Any
@@ -46,6 +47,8 @@ _HOME = {
     "constrain": "parameters.constrain",
     "set_validation": "evaluation.arguments",
 }
+_NEXT_TO_LOOK = ("fresnel", "shading", "lobes", "microsurface", "render")
+"""Modules whose names are looked for where one is not here."""
 _MODULES = (
     "approximations",
     "dropins",
@@ -81,7 +84,13 @@ if not TYPE_CHECKING:  # which then tell of names that do not exist
             if name in (offered := _offered(part)):
                 globals()[name] = offered[name]
                 return offered[name]
-        raise AttributeError(f"module 'torchms' has no attribute {name!r}")
+        elsewhere = () if name.startswith("_") else _NEXT_TO_LOOK
+        hint = "".join(
+            f"; it is torchms.{part}.{name}"
+            for part in elsewhere
+            if name in getattr(import_module(f"torchms.{part}"), "__all__", _offered(part))
+        )
+        raise AttributeError(f"module 'torchms' has no attribute {name!r}{hint}", name=name, obj=sys.modules[__name__])
 
     def __dir__() -> list[str]:
         return __getattr__("__all__")

@@ -61,12 +61,17 @@ BAD_INPUT = {
     "fresnel of glass": (
         lambda: RoughDielectric(GGX(0.5), Ideal()),
         TypeError,
-        r"must be .*Dielectric\(eta\); got Ideal",
+        r"must be .*Dielectric\(1\.5\); got Ideal",
     ),
     "scattering": (
         lambda: RoughConductor(GGX(0.5), Ideal(), Invariance()),
         TypeError,
-        r"scattering=\.\.\.\) must be HeightWalk.*got Invariance",
+        r"scattering=\.\.\.\) must be HeightWalk.*got Invariance\(\)\. Write Bidirectional\(Invariance\(\)\)",
+    ),
+    "scattering without brackets": (
+        lambda: RoughConductor(GGX(0.5), Ideal(), HeightWalk),
+        TypeError,
+        r"must be HeightWalk.*got <class .* Write HeightWalk\(\), with the brackets",
     ),
     "segment": (lambda: Unidirectional("invariance"), TypeError, r"segment=\.\.\.\) must be .*got 'invariance'"),
     "mode": (
@@ -95,7 +100,7 @@ BAD_INPUT = {
     "wi of two": (
         lambda: walked().pdf(torch.zeros(4, 2), UP),
         ValueError,
-        r"wi must be \(\*batch, 3\).*got shape \(4, 2\)",
+        r"wi must be \(\*batch, 3\).*got shape \(4, 2\)\. Angles theta and phi \[rad\] are",
     ),
     "wo of two": (
         lambda: walked().pdf(UP, torch.zeros(4, 2)),
@@ -103,7 +108,8 @@ BAD_INPUT = {
         r"wo must be \(\*batch, 3\).*got shape \(4, 2\)",
     ),
     "wi a list": (lambda: walked().pdf([0, 0, 1], UP), TypeError, r"wi must be a floating-point Tensor.*got list"),
-    "wi of integers": (lambda: walked().pdf(UP.long(), UP), TypeError, r"wi must be a floating-point.*torch\.int64"),
+    "wi of integers": (lambda: walked().pdf(UP.long(), UP), TypeError, r"wi must be.*int64\. Write \.float\(\)"),
+    "wi an angle": (lambda: walked().pdf(0.5, UP), TypeError, r"wi must be .*got float\. Angles theta and phi"),
     "wo missing": (lambda: walked().pdf(UP, None), TypeError, r"wo must be a floating-point Tensor"),
     "batches": (
         lambda: walked()(UP.expand(4, 3), UP.expand(5, 3), walked().uniforms((4,))),
@@ -235,3 +241,5 @@ def test_the_namespace_is_what_it_says():
         assert getattr(package, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'Specular'"):
         _ = package.Specular
+    with pytest.raises(AttributeError, match=r"no attribute 'Conductor'; it is torchms\.fresnel\.Conductor$"):
+        _ = package.Conductor

@@ -104,6 +104,11 @@ def test_hostile_files(what, tmp_path):
         read_tensor_file(stored(tmp_path, content))
 
 
+def test_a_file_that_is_not_there(tmp_path, messages):
+    with pytest.raises(FileNotFoundError, match=r"there is no file .*no\.bsdf\. Files of measured surfaces are at"):
+        MeasuredBRDF.load(tmp_path / "no.bsdf")
+
+
 def without(key: str) -> dict:
     return {name: field for name, field in surface().items() if name != key}
 

@@ -10,7 +10,7 @@ from torch import Tensor
 from torchms.bsdfs import kernels
 from torchms.bsdfs.results import Albedo, DirectionSample, WalkSample
 from torchms.distributions.base import MicrofacetDistribution
-from torchms.estimators.base import Exit, Scattering
+from torchms.estimators.base import Exit, Scattering, check_scattering
 from torchms.evaluation import blocks
 from torchms.evaluation.arguments import check_block, check_parameters, check_random, check_values, given_batches
 from torchms.evaluation.kernel import Kernel
@@ -45,11 +45,7 @@ class BSDF(Parametric, ABC):
                 f"{type(self).__name__}(distribution=...) must be GGX(...), Beckmann(...), GTR(...) or Tabulated(...); "
                 f"got {distribution!r}."
             )
-        if not isinstance(scattering, Scattering):
-            raise TypeError(
-                f"{type(self).__name__}(scattering=...) must be HeightWalk(...), Bidirectional(...) or the like; "
-                f"got {scattering!r}."
-            )
+        check_scattering(scattering, type(self).__name__)
         self.distribution = distribution
         self.scattering = scattering
         scattering.check(self.vertex)

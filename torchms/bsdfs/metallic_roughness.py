@@ -77,7 +77,12 @@ class MetallicRoughness(BSDF):
         maps = agreeing("base_color", base_color, maps)
         share = "Rescale or clamp the map."
         self.declare(
-            "base_color", base_color, low=0.0, high=1.0, channels=True, remedy="It is linear, a share of light."
+            "base_color",
+            base_color,
+            low=0.0,
+            high=1.0,
+            channels=True,
+            remedy="It is linear, a share of light: divide 8-bit values by 255 and undo the curve of sRGB.",
         )
         self.declare("metallic", maps["metallic"], low=0.0, high=1.0, remedy=share)
         self.declare("roughness", maps["roughness"], low=0.0, high=1.0, remedy=share)

@@ -24,8 +24,8 @@ class RoughConductor(BSDF):
         super().__init__()
         if not isinstance(fresnel, Fresnel):
             raise TypeError(
-                "RoughConductor(fresnel=...) must be a torchms.fresnel module such as Conductor.metal('Cu'); "
-                f"got {fresnel!r}."
+                "RoughConductor(fresnel=...) must be a torchms.fresnel module such as Conductor.metal('Cu'), or "
+                f"Schlick([0.95, 0.8, 0.3]) for a colour seen straight on; got {fresnel!r}."
             )
         self.fresnel = fresnel
         self._assemble(distribution, usual(Mirror(distribution, fresnel)) if scattering is None else scattering)

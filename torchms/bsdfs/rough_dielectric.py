@@ -40,7 +40,7 @@ class RoughDielectric(BSDF):
         super().__init__()
         if not isinstance(fresnel, Interface):
             raise TypeError(
-                "RoughDielectric(fresnel=...) must be a torchms.fresnel.Interface that light passes, such as Dielectric(eta); "
+                "RoughDielectric(fresnel=...) must be a torchms.fresnel.Interface that light passes, such as Dielectric(1.5); "
                 f"got {fresnel!r}."
             )
         if mode not in MODES:

@@ -125,19 +125,22 @@ def share(tally: Tally, row: int) -> tuple[float, float]:
 
 
 def draw(cases: list[Case], results: list[dict[str, Tally]]) -> Any:
-    """The figure: a row a bounce, a column an angle of incidence; where next to nothing leaves, no panel."""
+    """The figure: a row a bounce, a column an angle of incidence; where next to nothing leaves no panel, no row of none."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(3.6 * len(cases), 11.5), layout="constrained")
-    axes = figure.subplots(len(BOUNCES), len(cases), squeeze=False)
+    rows = [
+        i for i in range(len(BOUNCES)) if any(sum(share(result[SIMULATION], i)) >= LEAST for result in results)
+    ] or [0]
+    figure = Figure(figsize=(3.6 * len(cases), 0.7 + 2.7 * len(rows)), layout="constrained")
+    axes = figure.subplots(len(rows), len(cases), squeeze=False)
     for column, (case, result) in enumerate(zip(cases, results, strict=True)):
         curves = {name: plane_of_incidence(tally, case.phi) for name, tally in result.items()}
-        for row in range(len(BOUNCES)):
+        for ax, row in zip(axes[:, column], rows, strict=True):
             shares = {name: share(tally, row) for name, tally in result.items()}
-            _panel(axes[row, column], row, case.material == "dielectric", curves, shares)
+            _panel(ax, row, case.material == "dielectric", curves, shares)
         axes[0, column].set_title(f"$\\theta_i$ = {math.degrees(case.theta):.3g}°")
-    for row, bounce in enumerate(BOUNCES):
-        axes[row, 0].set_ylabel(f"{bounce}      f · |cos θ$_o$| [1/sr]")
+    for ax, row in zip(axes[:, 0], rows, strict=True):
+        ax.set_ylabel(f"{BOUNCES[row]}      f · |cos θ$_o$| [1/sr]")
     for ax in axes[-1]:
         ax.set_xlabel("angle in the plane of incidence [°]")
     handles, labels = axes[0, 0].get_legend_handles_labels()

@@ -142,7 +142,8 @@ class EllipticDistribution(MicrofacetDistribution):
         super().__init__()
         low, high = self.limits
         remedy = (
-            f"A mirror is the limit alpha -> 0: take {low:g}. A roughness of another program becomes an alpha by "
+            f"A mirror is the limit alpha -> 0: take {low:g}; nothing is rougher than {high:g}. "
+            "A roughness of another program becomes an alpha by "
             'torchms.alpha(roughness, "gltf").'
         )
         self.declare("alpha", alpha, low=low, high=high, remedy=remedy)

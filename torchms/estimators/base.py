@@ -7,6 +7,7 @@ from typing import NamedTuple
 from torch import Tensor, nn
 
 from torchms.maths.frame import Vec3
+from torchms.paths.segments.base import Segment
 from torchms.paths.vertex import Vertex
 from torchms.sampling.proposals import Proposal
 
@@ -67,3 +68,17 @@ def check_max_order(max_order: int, owner: str) -> int:
     if not 1 <= max_order <= 256:
         raise ValueError(f"{owner}(max_order=...) must lie in [1, 256]; got {max_order}. One order is SingleBounce.")
     return max_order
+
+
+def check_scattering(value: object, owner: str) -> None:
+    """Raise TypeError if `value` cannot stand in the slot of the surface `owner`, with what to write instead."""
+    if isinstance(value, Scattering):
+        return
+    remedy = ""
+    if isinstance(value, Segment):
+        remedy = f" Write Bidirectional({value!r}): a segment says how bounces are linked, not how they are summed."
+    elif isinstance(value, type) and issubclass(value, Scattering | Segment):
+        remedy = f" Write {value.__name__}(), with the brackets."
+    raise TypeError(
+        f"{owner}(scattering=...) must be HeightWalk(...), Bidirectional(...) or the like; got {value!r}.{remedy}"
+    )

@@ -24,12 +24,19 @@ class Vec3(NamedTuple):
         return Vec3(-self.x, -self.y, -self.z)
 
 
+FROM_ANGLES = "Angles theta and phi [rad] are the direction (sin theta cos phi, sin theta sin phi, cos theta)."
+
+
 def check_direction(w: object, name: str = "a direction") -> None:
     """Raise TypeError or ValueError if `w`, called `name` in the message, is no dense floating-point tensor (..., 3)."""
     if not isinstance(w, Tensor) or not w.is_floating_point() or w.layout != torch.strided:
-        raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {kind_of(w)}.{conversion(w)}")
+        angle = f" {FROM_ANGLES}" if isinstance(w, int | float) else ""
+        raise TypeError(f"{name} must be a floating-point Tensor (*batch, 3); got {kind_of(w)}.{conversion(w)}{angle}")
     if w.ndim == 0 or w.shape[-1] != 3:
-        raise ValueError(f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}.")
+        angles = f" {FROM_ANGLES}" if w.ndim and w.shape[-1] == 2 else ""
+        raise ValueError(
+            f"{name} must be (*batch, 3), components on the last axis; got shape {tuple(w.shape)}.{angles}"
+        )
 
 
 def kind_of(value: object) -> str:
@@ -40,8 +47,10 @@ def kind_of(value: object) -> str:
 
 
 def conversion(value: object) -> str:
-    """What turns numbers that are no Tensor into one, as a sentence with a space before it; "" for anything else."""
-    is_array = hasattr(value, "__array__") and not isinstance(value, Tensor)
+    """What turns numbers into a floating-point Tensor, as a sentence with a space before it; "" for anything else."""
+    if isinstance(value, Tensor):
+        return "" if value.is_floating_point() or value.is_complex() else " Write .float() behind it."
+    is_array = hasattr(value, "__array__")
     return " Write torch.as_tensor(…, dtype=torch.float32)." if is_array or isinstance(value, list | tuple) else ""
 
 

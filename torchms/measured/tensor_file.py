@@ -25,9 +25,12 @@ def read_tensor_file(path: str | Path) -> dict[str, NDArray]:
     """All fields of the file, by name, read only.
 
     Raises ValueError, which names the file and the field, for whatever is wrong with it: another kind or version, truncated,
-    too large, a field that reaches beyond the file, of an unknown type, or there twice.
+    too large, a field that reaches beyond the file, of an unknown type, or there twice. FileNotFoundError where there
+    is none.
     """
     path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"there is no file {path}. Files of measured surfaces are at rgl.epfl.ch/materials.")
     size = path.stat().st_size
     if size > MOST_BYTES:
         raise ValueError(f"{path.name} is of {size} bytes; a tensor_file is of {MOST_BYTES} at most.")
