@@ -62,8 +62,8 @@ class Distilled(Scattering):
     facets of which no file is are refused with a ValueError.
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
     One about glass holds for its index, too.
-    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces, metal and diffuse, Beckmann with α_x and α_y in
-    [0.1, 1], in place of those of Smith's theory: several times nearer to such surfaces. See docs/surface_lobes.md.
+    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces, of metal, diffuse and of glass, Beckmann with α_x and
+    α_y in [0.1, 1], in place of those of Smith's theory: several times nearer to such surfaces. See docs/surface_lobes.md.
     """
 
     sources = ("Wang2022", "Cui2023")
@@ -81,7 +81,7 @@ class Distilled(Scattering):
                 raise ValueError(
                     "Distilled(table=..., surface=...): a file says itself which surfaces it is about. Give one of them."
                 )
-            found = [packaged("Beckmann", facet) for facet in (surface, f"{surface}_diffuse")]
+            found = [packaged("Beckmann", f"{surface}{kind}") for kind in ("", "_diffuse", "_glass")]
         elif table is None:
             found = [packaged(name, facet) for name in KNOWN for facet in SMITH]
         else:
@@ -111,7 +111,7 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} metal", SurfaceLobes(each)
         elif each.facet in ("gaussian_diffuse", "scan_diffuse"):
             key, lobes = f"{each.distribution} diffuse", DiffuseSurfaceLobes(each)
-        elif each.facet == "scan_glass":
+        elif each.facet in ("gaussian_glass", "scan_glass"):
             key, lobes = f"{each.distribution} glass", GlassSurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
