@@ -8,7 +8,6 @@ from typing import Any, Literal
 import torch
 
 from torchms.approximations import distilled_file as files
-from torchms.approximations.coordinates import ETA
 from torchms.approximations.distil.blocks import opened
 from torchms.approximations.distil.command import (
     PLACES,
@@ -38,7 +37,7 @@ class Options:
     """
 
     material: Literal["conductor", "dielectric", "diffuse"] = "conductor"
-    """What the facets are of; glass (dielectric) of any relative index in [1/3, 3]."""
+    """What the facets are of; glass (dielectric): of indices with a ratio in [1.1, 3], from either side."""
     alpha: tuple[float, float] = (0.1, 1.0)
     """Smallest and largest roughness."""
     out: Path = Path("gaussian.npz")
@@ -117,7 +116,7 @@ def glass_lobes(options: Options, found: light.Light, certificate: dict[str, Any
         *("gaussian_glass", "Beckmann", options.alpha, layers, skip, certificate, each),
         smith=glass.base(),
         through=transmitted,
-        eta=(1 / ETA, ETA),
+        eta=light.RATIOS,
     )
 
 

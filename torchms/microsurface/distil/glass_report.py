@@ -13,7 +13,7 @@ from torchms.sampling.uniforms import generator_for
 
 FROM, LEAVES = ("outside", "inside"), ("reflected", "transmitted")
 BELOW = torch.tensor([1.0, 1.0, -1.0])
-POINTS = 1 << 16
+POINTS = 1 << 15
 """Directions out over which an energy is summed."""
 
 Orders = Callable[[held_out.Cell, Tensor], Tensor]
