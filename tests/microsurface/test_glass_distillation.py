@@ -59,7 +59,7 @@ def test_integrals_are_those_of_smiths_walks(above, generator):
 @pytest.mark.parametrize(("alpha", "eta"), [((0.25, 0.25), 1.5), ((1.0, 0.1), 1.5), ((0.1, 0.1), 1.3)], ids=str)
 def test_narrow_lobes_have_their_energy(alpha, eta):
     """Straight down, where transmitted lobes are narrower than a cell: cells to 0.005, points near the lobe to 0.001."""
-    cell, model = held_out.Cell(*alpha, 0.0, 0.0), Distilled()
+    cell, model = held_out.Cell(alpha[0], alpha[1], 0.0, 0.0), Distilled()
     surface = RoughDielectric(Beckmann(*alpha), Dielectric(eta), model, "importance")
 
     @torch.no_grad()

@@ -50,7 +50,8 @@ def shares(orders: Orders, cells: Sequence[held_out.Cell]) -> Tensor:
 
 def energies(orders: Orders, cell: held_out.Cell, alpha: tuple[float, float], eta: float, above: bool) -> Tensor:
     """∫ |f cos θ_o| dω_o (ORDERS) on one side, over directions near Smith's lobe: it may be narrower than any cell."""
-    where = Surfaces(*(torch.tensor([x]) for x in (*alpha, eta)), incident(cell, torch.zeros(1, 3)))
+    ax, ay, index = (torch.tensor([x]) for x in (*alpha, eta))
+    where = Surfaces(ax, ay, index, incident(cell, torch.zeros(1, 3)))
     wo, weights = glass_rows.lobes(glass.KIND, where, above, POINTS, generator_for(1))
     return (orders(cell, wo[0]) * weights[0, :, None]).double().sum(0)
 
