@@ -63,7 +63,7 @@ class Distilled(Scattering):
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
     One about glass holds for its index, too.
     surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces in place of those of Smith's theory: metal, diffuse
-    facets, and glass whose indices have a ratio in [1.1, 3]; Beckmann with α_x and α_y in [0.1, 1]. See docs/surface_lobes.md.
+    facets, and glass whose indices have a ratio in [1.3, 3]; Beckmann with α_x and α_y in [0.1, 1]. See docs/surface_lobes.md.
     """
 
     sources = ("Wang2022", "Cui2023")

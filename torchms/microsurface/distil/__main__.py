@@ -37,7 +37,7 @@ class Options:
     """
 
     material: Literal["conductor", "dielectric", "diffuse"] = "conductor"
-    """What the facets are of; glass (dielectric): of indices with a ratio in [1.1, 3], from either side."""
+    """What the facets are of; glass (dielectric): of indices with a ratio in [1.3, 3], from either side."""
     alpha: tuple[float, float] = (0.1, 1.0)
     """Smallest and largest roughness."""
     out: Path = Path("gaussian.npz")

@@ -38,11 +38,13 @@ KEPT = 0.25
 MARGIN = 1.06
 """Factor by which roughnesses reach beyond the range at either end, so that its ends are no ends of the training."""
 ANY = (0.1, 1.0)
-RATIOS = (1.1, ETA)
-"""Smallest and largest ratio of the indices of glass, the larger over the smaller.
+RATIOS = (1.3, ETA)
+"""Smallest and largest ratio of the indices that lobes of glass serve, the larger over the smaller.
 
 Nearer to 1, grazing light crosses several facets and hardly turns: lobes of three bounces and more become needles.
 """
+LEAST_RATIO = 1.1 / glass_rows.MARGIN
+"""Smallest one that is learned from."""
 INDICES = 1 << 40
 """What is added to the seed of the roughnesses for that of the indices."""
 MOST_BYTES = 1 << 28
@@ -87,8 +89,7 @@ def gaussian_glass_block(alpha: tuple[float, float], seed: int, number: int) -> 
     Turned over, a Gaussian surface is one of the same kind: light from inside comes from above, to a relative index below 1.
     """
     generator = generator_for(seed * 1_000_003 + number + INDICES)
-    low, high = RATIOS[0] / glass_rows.MARGIN, RATIOS[1] * glass_rows.MARGIN
-    etas = scenes.indices(GLASS_BATCHES, math.log(low), high, generator)
+    etas = scenes.indices(GLASS_BATCHES, math.log(LEAST_RATIO), RATIOS[1] * glass_rows.MARGIN, generator)
     found = _stretched_tile([DielectricFacets(float(eta)) for eta in etas], alpha, seed, number)
     return found | {"eta": np.repeat(etas.numpy().astype(np.float32), PATHS // GLASS_BATCHES)}
 
