@@ -13,17 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 import tyro
 
-from torchms import Beckmann, Distilled, RoughDielectric, Stream
 from torchms.approximations import distilled_file as files
 from torchms.approximations.distilled_networks import NETWORKS
 from torchms.approximations.glass_surface_lobes import GlassSurfaceLobes
 from torchms.distributions import Tabulated
-from torchms.fresnel import Dielectric
 from torchms.microsurface import DielectricFacets, GridTracer, Heightfield
-from torchms.microsurface.distil import glass_scan, held_out, light
+from torchms.microsurface.distil import glass_report, glass_scan, held_out, light
 from torchms.microsurface.distil.scan import ANGLES, MODELS, Effort
 from torchms.microsurface.rays.grid import Grid
 from torchms.storage.write import check_writable, write_json
@@ -32,7 +29,6 @@ from torchms.version import __version__
 FIRST_SURFACE, FIRST_KEY = 777_000_000, 9000
 """Seeds that no distillation uses."""
 ETA = 1.5
-WALKS = 1 << 16
 COMPARED = (MODELS[0], MODELS[2])
 
 
@@ -81,37 +77,19 @@ def learned(options: Options, path: Path) -> files.Distillate:
     return files.read(path, NETWORKS)
 
 
-def compared(options: Options, made: files.Distillate, path: Path) -> list[dict[str, Any]]:
+def compared(options: Options, made: files.Distillate) -> list[dict[str, Any]]:
     """Rows of the report, against the light of other surfaces."""
     assert made.slopes is not None
     slopes, lobes, rows = Tabulated(*made.slopes), GlassSurfaceLobes(made), []
     where = [held_out.Cell(1.0, 1.0, theta, 0.0) for theta in ANGLES]
-    others, model = [gaussian(options, 1 + n) for n in range(options.surfaces)], Distilled(path)
+    others = [gaussian(options, 1 + n) for n in range(options.surfaces)]
     for k, eta in enumerate((ETA, 1 / ETA)):
         casters = [GridTracer().bind(Grid.of(light.turned_over(x) if k else x)) for x in others]
         facets, key = DielectricFacets(eta), FIRST_KEY + k
         traced = held_out.shares(casters, options.surfaces, where, options.rays, key, facets=facets, sides=2)
-        said = glass_scan.models(lobes, slopes, eta, where)
-        twice = [cell for cell in where for _ in glass_scan.LEAVES]
-        for n, row in enumerate(held_out.summary(twice, traced, said)):
-            side = -1 if k else 1
-            for name, energy in walked(options, model, side * torch.from_numpy(twice[n].wi).float(), n % 2).items():
-                row[name]["energy"] = energy
-            rows.append(row | {"from": glass_scan.FROM[k], "leaves": glass_scan.LEAVES[n % 2]})
+        said = glass_scan.models(lobes, slopes, eta)
+        rows += glass_report.rows(where, [options.alpha] * len(where), traced, said, eta, glass_report.FROM[k])
     return rows
-
-
-def walked(options: Options, learned: Distilled, wi: torch.Tensor, transmitted: int) -> dict[str, list[float]]:
-    """Energies of the orders by walks: of lobes that may be narrower than the cells."""
-    found = {}
-    for name, slopes, model in (
-        (COMPARED[0], Beckmann(*options.alpha), Distilled()),
-        (COMPARED[1], learned.slopes, learned),
-    ):
-        glass = RoughDielectric(slopes, Dielectric(ETA), model)
-        energy = glass.albedo(wi, Stream(1, WALKS, "sobol"))[transmitted][:, 0]
-        found[name] = energy.tolist()
-    return found
 
 
 def rms(rows: list[dict[str, Any]], name: str, together: bool) -> float:
@@ -124,19 +102,22 @@ def rms(rows: list[dict[str, Any]], name: str, together: bool) -> float:
     return float(np.sqrt(np.mean(np.square(off))))
 
 
+def missed(rows: list[dict[str, Any]], name: str) -> np.ndarray:
+    """R + T − 1 of each direction."""
+    total = np.array([sum(row[name]["energy"]) for row in rows])
+    return total[::2] + total[1::2] - 1
+
+
 def main(options: Options) -> None:
     name = "_".join(f"{a:g}" for a in options.alpha)
     out = options.out or Path(__file__).parent / "results" / f"glass_surface_lobes_{name}.json"
     check_writable(out, options.force)
     path = options.table or Path(f"build/glass_{name}.npz")
-    rows = compared(options, learned(options, path), path)
+    rows = compared(options, learned(options, path))
     noise = math.sqrt(np.mean([np.square(row["energy_noise"]) for row in rows]))
     gaps = {
         model: {"first and rest": rms(rows, model, True), "by order": rms(rows, model, False)} for model in COMPARED
     }
-    furnace = [
-        sum(rows[n]["distilled"]["energy"] + rows[n + 1]["distilled"]["energy"]) - 1 for n in range(0, len(rows), 2)
-    ]
     command = f"python benchmarks/glass_surface_lobes.py --alpha {options.alpha[0]:g} {options.alpha[1]:g}"
     command += f" --paths {options.paths:g} --steps {options.steps} --rays {options.rays}"
     content = {"command": command, "version": __version__, "rms_energy_gap": gaps, "noise": noise, "cells": rows}
@@ -148,7 +129,7 @@ def main(options: Options) -> None:
             f"{row['from']} {row['theta']:g} {row['leaves']}: lobe {lobe} %, noise {100 * row[MODELS[0]]['noise']:.1f}, {off}"
         )
     print({m: {k: round(v, 5) for k, v in gap.items()} for m, gap in gaps.items()}, f"noise {noise:.5f}")
-    print("R + T - 1:", [round(x, 4) for x in furnace])
+    print("R + T - 1:", missed(rows, "distilled").round(4).tolist())
 
 
 if __name__ == "__main__":

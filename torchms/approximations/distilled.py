@@ -63,8 +63,8 @@ class Distilled(Scattering):
     facets of which no file is are refused with a ValueError.
     A file that `torchms distil` wrote of a measured surface holds for `slopes`, the `Tabulated` distribution of its slopes.
     One about glass holds for its index, too.
-    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces, metal and diffuse, Beckmann with α_x and α_y in
-    [0.1, 1], in place of those of Smith's theory: several times nearer to such surfaces. See docs/surface_lobes.md.
+    surface: "gaussian" takes lobes of ray-traced Gaussian random surfaces in place of those of Smith's theory: metal, diffuse
+    facets, and glass whose indices have a ratio in [1.3, 3]; Beckmann with α_x and α_y in [0.1, 1]. See docs/surface_lobes.md.
     """
 
     sources = ("Wang2022", "Cui2023")
@@ -82,7 +82,7 @@ class Distilled(Scattering):
                 raise ValueError(
                     "Distilled(table=..., surface=...): a file says itself which surfaces it is about. Give one of them."
                 )
-            found = [packaged("Beckmann", facet) for facet in (surface, f"{surface}_diffuse")]
+            found = [packaged("Beckmann", f"{surface}{kind}") for kind in ("", "_diffuse", "_glass")]
         elif table is None:
             found = [packaged(name, facet) for name in KNOWN for facet in SMITH]
         else:
@@ -95,7 +95,7 @@ class Distilled(Scattering):
             found = [files.read(path, NETWORKS) for path in paths]
         self.lobes = nn.ModuleDict()
         self.ranges: dict[str, tuple[float, float]] = {}
-        self.etas: dict[str, tuple[float, float]] = {}
+        self.etas: dict[str, list[tuple[float, float]]] = {}
         self.certificates: dict[str, dict[str, Any]] = {}
         for each in found:
             self._add(each, {(x.distribution, x.facet): x for x in found})
@@ -112,7 +112,7 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} metal", SurfaceLobes(each)
         elif each.facet in ("gaussian_diffuse", "scan_diffuse"):
             key, lobes = f"{each.distribution} diffuse", DiffuseSurfaceLobes(each)
-        elif each.facet == "scan_glass":
+        elif each.facet in ("gaussian_glass", "scan_glass"):
             key, lobes = f"{each.distribution} glass", GlassSurfaceLobes(each)
         elif each.facet == "diffuse":
             key, lobes = f"{each.distribution} diffuse", DiffuseLobes(each)
@@ -128,7 +128,9 @@ class Distilled(Scattering):
             key, lobes = f"{each.distribution} glass", GlassLobes(other, each)
             low, high = max(low, other.alpha[0]), min(high, other.alpha[1])
         self.lobes[key], self.ranges[key] = lobes, (low, high)
-        self.etas[key] = each.eta or (1 / ETA, ETA)
+        self.etas[key] = [each.eta or (1 / ETA, ETA)]
+        if each.eta and each.slopes is None:
+            self.etas[key].append((1 / each.eta[1], 1 / each.eta[0]))
 
     @property
     def slopes(self) -> Tabulated:
@@ -155,21 +157,22 @@ class Distilled(Scattering):
             )
         low, high = self.ranges[key]
         for name, alpha in zip(("alpha", "alpha_y"), vertex.distribution.alphas, strict=True):
-            self._within(f"{kind}({name}=...)", alpha, low, high)
+            self._within(f"{kind}({name}=...)", alpha, (low, high))
         if isinstance(vertex, Refractive):
             self._within("Dielectric(eta=...)", vertex.eta, *self.etas[key])
 
-    def _within(self, what: str, value: Tensor, low: float, high: float) -> None:
+    def _within(self, what: str, value: Tensor, *ranges: tuple[float, float]) -> None:
         value = value.detach()
         if value.is_meta or isinstance(value, torch._subclasses.FakeTensor):
             return
         # The range holds for numbers of any precision: 0.03 in float32 is a little less than in float64.
-        bad = (value < low * (1 - 1e-6)) | (value > high * (1 + 1e-6))
+        bad = torch.ones_like(value, dtype=torch.bool)
+        for low, high in ranges:
+            bad = bad & ((value < low * (1 - 1e-6)) | (value > high * (1 + 1e-6)))
         if bool(bad.any()):
-            allowed, other = (
-                f"lie in [{low:g}, {high:g}]",
-                "a range of your own run python -m torchms.approximations.distil",
-            )
+            low, high = ranges[0]
+            allowed = "lie in " + " or ".join(f"[{low:g}, {high:g}]" for low, high in ranges)
+            other = "a range of your own run python -m torchms.approximations.distil"
             if low == high:
                 allowed, other = f"be {low:g}", "another run torchms distil"
             raise ValueError(

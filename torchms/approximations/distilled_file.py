@@ -54,7 +54,8 @@ class Distillate(NamedTuple):
     each: weights of what either direction brings, if there is that. smith: weights of both for Smith's lobes, where these are
     corrected; without that of each direction for diffuse facets, and twice for glass. slopes: of a measured surface.
     facets: weights of what light meets on its way, if there is that. through: weights of both for light that is transmitted, of
-    a surface of glass, and eta: smallest and largest relative index.
+    a surface of glass, and eta: smallest and largest relative index; for surfaces that the distribution says all of, their
+    inverses, too.
     """
 
     facet: str

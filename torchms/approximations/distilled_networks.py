@@ -31,6 +31,10 @@ NETWORKS = {
     "scan_diffuse": Shape(
         free_features.FREE, diffuse_surface_lobes.OUTPUTS, free_features.FREE_OF_ONE, ORDERS, DIFFUSE, True
     ),
+    "gaussian_glass": Shape(
+        *(glass_features.REFLECTED, ORDERS, glass_features.OF_ONE, ORDERS, GLASS),
+        through=Shape(glass_features.TRANSMITTED, ORDERS, glass_features.OF_ONE, ORDERS),
+    ),
     "scan_glass": Shape(
         *(free_glass_features.FREE_REFLECTED, ORDERS, free_glass_features.FREE_OF_ONE, ORDERS, GLASS, True),
         through=Shape(free_glass_features.FREE_TRANSMITTED, ORDERS, free_glass_features.FREE_OF_ONE, ORDERS),

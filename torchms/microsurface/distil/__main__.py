@@ -21,8 +21,9 @@ from torchms.approximations.distil.command import (
 )
 from torchms.approximations.distil.processes import processes, threads_of, wait_for_all
 from torchms.approximations.distil.training import inputs_of
+from torchms.approximations.glass_features import SYMMETRIC
 from torchms.cli.progress import progress_bar
-from torchms.microsurface.distil import fit, light
+from torchms.microsurface.distil import fit, glass, light
 from torchms.microsurface.distil.kinds import KINDS
 from torchms.storage.write import check_writable
 from torchms.version import __version__
@@ -30,13 +31,13 @@ from torchms.version import __version__
 
 @dataclass
 class Options:
-    """Distil the light on Gaussian surfaces of metal or diffuse facets: simulated paths, a small network, a file.
+    """Distil the light on Gaussian surfaces of metal, glass or diffuse facets: simulated paths, small networks, a file.
 
     A stopped run goes on where it was if it is called again. Under torchrun the light is simulated by all processes.
     """
 
-    material: Literal["conductor", "diffuse"] = "conductor"
-    """What the facets are of."""
+    material: Literal["conductor", "dielectric", "diffuse"] = "conductor"
+    """What the facets are of; glass (dielectric): of indices with a ratio in [1.3, 3], from either side."""
     alpha: tuple[float, float] = (0.1, 1.0)
     """Smallest and largest roughness."""
     out: Path = Path("gaussian.npz")
@@ -65,13 +66,15 @@ def main(options: Options) -> None:
     check_writable(options.out, options.force)
     rank, world = processes()
     told = {k: v for k, v in asdict(options).items() if k not in PLACES}
-    kind = KINDS[options.material]
     about = {"alpha": list(options.alpha), "seed": options.seed, "material": options.material}
     opened(options.work, {"version": __version__, **about})
     numbers = list(range(rank, options.blocks, world))
     threads = threads_of(options.threads, world)
+    if options.material == "dielectric":
+        made = partial(light.gaussian_glass_block, options.alpha, options.seed)
+    else:
+        made = partial(light.gaussian_block, KINDS[options.material].facets, options.alpha, options.seed)
     with progress_bar("light", len(numbers)) as advance:
-        made = partial(light.gaussian_block, kind.facets, options.alpha, options.seed)
         light.made(options.work, numbers, made, threads, advance)
     wait_for_all(world)
     if rank == 0:
@@ -81,10 +84,6 @@ def main(options: Options) -> None:
 def finish(options: Options, told: dict[str, Any]) -> None:
     """Learn from the blocks, and write the file."""
     found = light.loaded(options.work, options.blocks, options.seed)
-    kind = KINDS[options.material]
-    subject = fit.Subject(partial(inputs_of, "Beckmann"), kind.smith, kind)
-    sizes = options.widths, options.each
-    (layers, skip), each = fit.learned(subject, found, sizes, options.steps, options.seed, options.work)
     certificate = {
         "command": command_of("torchms.microsurface.distil", options),
         "torchms": __version__,
@@ -93,11 +92,32 @@ def finish(options: Options, told: dict[str, Any]) -> None:
         "options": {k: list(v) if isinstance(v, tuple) else v for k, v in told.items()},
         "paths": options.blocks * light.PATHS,
     }
-    distillate = files.Distillate(
+    learned = glass_lobes if options.material == "dielectric" else lobes
+    files.write(options.out, learned(options, found, certificate), options.force)
+    print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+def lobes(options: Options, found: light.Light, certificate: dict[str, Any]) -> files.Distillate:
+    """Those of facets that reflect."""
+    kind, sizes = KINDS[options.material], (options.widths, options.each)
+    subject = fit.Subject(partial(inputs_of, "Beckmann"), kind.smith, kind)
+    (layers, skip), each = fit.learned(subject, found, sizes, options.steps, options.seed, options.work)
+    return files.Distillate(
         f"gaussian{kind.suffix}", "Beckmann", options.alpha, layers, skip, certificate, each, kind.base()
     )
-    files.write(options.out, distillate, options.force)
-    print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+def glass_lobes(options: Options, found: light.Light, certificate: dict[str, Any]) -> files.Distillate:
+    """Those of glass, reflected and transmitted."""
+    sizes = options.widths, options.each
+    reflected, transmitted = glass.learned(found, SYMMETRIC, None, sizes, options.steps, options.seed, options.work)
+    (layers, skip), each = reflected
+    return files.Distillate(
+        *("gaussian_glass", "Beckmann", options.alpha, layers, skip, certificate, each),
+        smith=glass.base(),
+        through=transmitted,
+        eta=light.RATIOS,
+    )
 
 
 def check(options: Options) -> None:

@@ -29,6 +29,9 @@ from torchms.sampling.uniforms import generator_for
 
 CHUNK = 16384
 KIND = "Beckmann"
+MORE = 4
+SCALES = (0.5, 2.0)
+"""Range of what few points of a direction may be scaled by."""
 
 
 @cache
@@ -77,10 +80,8 @@ def learned(
         some = light.part(up == above)
         of_each = torch.arange(len(where.ax)).repeat_interleave(some.first.diff())
         inputs, _ = inputs_of(KIND, where.part(of_each), some.rows.wo, above, features=features)
-        wo, weights = points(where, above, seed + 5 + above)
-        many = where.repeated(fit.POINTS)
-        smith = smith_glass(many, wo, first) * weights[:, None]
-        there, _ = inputs_of(KIND, many, wo, above, features=features)
+        wo, smith = points(where, above, first, seed + 5 + above)
+        there, _ = inputs_of(KIND, where.repeated(fit.POINTS), wo, above, features=features)
         name = "reflected" if above else "transmitted"
         model, vector, _ = fit.correction(inputs, some, (there, smith), sizes, steps, seed, folder, name)
         return model.folded(vector)
@@ -88,10 +89,20 @@ def learned(
     return one(True), one(False)
 
 
-def points(where: Surfaces, above: bool, seed: int) -> tuple[Tensor, Tensor]:
-    """fit.POINTS directions out of each on one side (n, 3), and 1 / density / POINTS [sr] (n)."""
-    generator, found = generator_for(seed), []
-    for some in torch.arange(len(where.ax)).split(1024):
-        found.append(glass_rows.lobes(KIND, where.part(some), above, fit.POINTS, generator))
-    wo, weights = (torch.cat(column) for column in zip(*found, strict=True))
-    return wo.flatten(0, 1), weights.flatten()
+def points(where: Surfaces, above: bool, first: MicrofacetDistribution | None, seed: int) -> tuple[Tensor, Tensor]:
+    """fit.POINTS directions out of each on one side (n, 3), and Smith's λ_k there times their shares (n, ORDERS).
+
+    The sums over those of each direction are scaled to what MORE times as many points say: of the correction, which hardly
+    varies within a lobe, few know the mean.
+    """
+    generator, parts = generator_for(seed), []
+    for some in torch.arange(len(where.ax)).split(CHUNK // fit.POINTS):
+        here = where.part(some)
+        lobes = glass_rows.lobes(KIND, here, above, MORE * fit.POINTS, generator)
+        smith = smith_glass(here.repeated(MORE * fit.POINTS), lobes.wo.flatten(0, 1), first)
+        smith = smith.unflatten(0, lobes.weights.shape) * lobes.weights[..., None]
+        few = smith[:, : fit.POINTS] * MORE
+        scale = smith.sum(1, keepdim=True) / few.sum(1, keepdim=True).clamp_min(1e-20)
+        parts.append((lobes.wo[:, : fit.POINTS].flatten(0, 1), (few * scale.clamp(*SCALES)).flatten(0, 1)))
+    wo, smith = (torch.cat(column) for column in zip(*parts, strict=True))
+    return wo, smith

@@ -16,15 +16,14 @@ from torchms.cli.progress import progress_bar
 from torchms.distributions import Tabulated
 from torchms.fresnel import Dielectric
 from torchms.maths.frame import Vec3, split
-from torchms.microsurface.distil import glass, held_out, light
+from torchms.microsurface.distil import glass, glass_report, held_out, light
+from torchms.microsurface.distil.glass_report import FROM, Orders, incident
 from torchms.microsurface.distil.scan import MODELS, Effort, cells, certified, reach, traced
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.simulation.materials import DielectricFacets
 from torchms.microsurface.surfaces.heightfield import Heightfield
 from torchms.paths.refractive import Refractive
-
-FROM, LEAVES = ("outside", "inside"), ("reflected", "transmitted")
 
 
 def distilled(
@@ -73,19 +72,18 @@ def report(
 ) -> list[dict[str, Any]]:
     """Energies and lobes of `MODELS`, reflected and transmitted, against light with other random numbers, from both sides."""
     rows, where, lobes = [], cells(), GlassSurfaceLobes(made)
+    ax, ay = (float(alpha) for alpha in tabulated.alphas)
     with progress_bar("held-out light", 2 * held_out.HALVES) as advance:
         for k, (caster, material) in enumerate(zip(casters, facets, strict=True)):
             rays, seed = effort.held_out, effort.seed + 77 + k
             found = held_out.shares([caster] * 2, held_out.HALVES, where, rays, seed, advance, material, sides=2)
-            said = models(lobes, tabulated, material.eta, where)
-            twice = [cell for cell in where for _ in LEAVES]
-            for n, row in enumerate(held_out.summary(twice, found, said)):
-                rows.append(row | {"from": FROM[k], "leaves": LEAVES[n % 2]})
+            said = models(lobes, tabulated, material.eta)
+            rows += glass_report.rows(where, [(ax, ay)] * len(where), found, said, material.eta, FROM[k])
     return rows
 
 
-def models(lobes: GlassSurfaceLobes, tabulated: Tabulated, eta: float, where: list[held_out.Cell]) -> dict[str, Tensor]:
-    """What each of `MODELS` says of the cells, reflected and transmitted in turn; η of the other side."""
+def models(lobes: GlassSurfaceLobes, tabulated: Tabulated, eta: float) -> dict[str, Orders]:
+    """What each of `MODELS` says; η of the other side."""
     vertex = Refractive(tabulated, Dielectric(eta))
     ax, ay = (float(alpha) for alpha in tabulated.alphas)
 
@@ -98,20 +96,4 @@ def models(lobes: GlassSurfaceLobes, tabulated: Tabulated, eta: float, where: li
         wi, out = (Vec3(*(x[None] for x in split(w))) for w in (incident(cell, wo), wo))
         return torch.stack([order[0, 0] for order in lobes.evaluate(vertex, wi, out)], -1)
 
-    said = dict(zip(MODELS, (partial(smith, None), partial(smith, tabulated), learned), strict=True))
-    below = torch.tensor([1.0, 1.0, -1.0])
-    return {
-        name: torch.stack(
-            [
-                held_out.integrated(orders, where),
-                held_out.integrated(lambda cell, wo, f=orders: f(cell, wo * below), where),
-            ],
-            1,
-        ).flatten(0, 1)
-        for name, orders in said.items()
-    }
-
-
-def incident(cell: held_out.Cell, wo: Tensor) -> Tensor:
-    """The direction of incidence, for each of wo."""
-    return torch.from_numpy(cell.wi).float().expand_as(wo)
+    return dict(zip(MODELS, (partial(smith, None), partial(smith, tabulated), learned), strict=True))

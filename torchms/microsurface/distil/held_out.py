@@ -1,5 +1,7 @@
 """Light on surfaces that nothing was learned from, and how far Smith's lobes and learned ones are from it."""
 
+import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -14,7 +16,9 @@ from torchms.microsurface.simulation.materials import FacetMaterial, MirrorFacet
 ROWS, COLUMNS = 32, 64
 """Cells of a lobe: equal steps of cos θ_o and of φ_o."""
 FINER = 8
-"""Points along either edge of a cell at which a lobe is summed."""
+"""Azimuths in each cell at which a lobe is summed."""
+PANEL = 0.012
+"""Largest step of θ_o [rad] of the two points of a Gauss rule: lobes of transmitted light may be no wider."""
 HALVES = 2
 ORDERS = 4
 LONGEST = 30
@@ -92,17 +96,31 @@ def integrated(orders: Callable[[Cell, Tensor], Tensor], cells: Sequence[Cell]) 
 
     orders: f cos θ_o [1/sr] (n, ORDERS) of a direction of incidence, at wo (n, 3).
     """
-    z = (torch.arange(ROWS * FINER, dtype=torch.float64) + 0.5) / (ROWS * FINER)
+    theta, weight, row = _polar()
     turn = (torch.arange(COLUMNS * FINER, dtype=torch.float64) + 0.5) * (2 * torch.pi / (COLUMNS * FINER))
-    z, turn = torch.meshgrid(z, turn, indexing="ij")
-    r = torch.sqrt(1 - z * z)
-    wo = torch.stack([r * turn.cos(), r * turn.sin(), z], -1).reshape(-1, 3).float()
-    patch = 2 * torch.pi / (ROWS * COLUMNS * FINER * FINER)
+    around = torch.stack([turn.cos(), turn.sin(), torch.ones_like(turn)], -1)
+    up = torch.stack([theta.sin(), theta.sin(), theta.cos()], -1)
+    wo = (up[:, None] * around).reshape(-1, 3).float()
     found = []
     for cell in cells:
-        value = orders(cell, wo).double().T.reshape(-1, ROWS, FINER, COLUMNS, FINER)
-        found.append(value.sum((2, 4)) * patch)
+        value = orders(cell, wo).double().T.reshape(-1, len(theta), COLUMNS, FINER).mean(-1)
+        rows = torch.zeros(len(value), ROWS, COLUMNS, dtype=torch.float64)
+        found.append(rows.index_add_(1, row, value * weight[:, None]))
     return torch.stack(found)
+
+
+def _polar() -> tuple[Tensor, Tensor, Tensor]:
+    """Angles [rad], what lobes there are multiplied by, and in which row they are: finer where a row is wider, at the pole."""
+    edges = torch.acos(torch.linspace(0, 1, ROWS + 1, dtype=torch.float64))
+    parts = []
+    for row, (high, low) in enumerate(itertools.pairwise(edges)):
+        n = max(FINER // 2, math.ceil(float(high - low) / PANEL))
+        step = (high - low) / n
+        middle = low + (torch.arange(n, dtype=torch.float64) + 0.5) * step
+        theta = torch.cat([middle - step / math.sqrt(12), middle + step / math.sqrt(12)])
+        parts.append((theta, theta.sin() * step * (math.pi / COLUMNS), torch.full((2 * n,), row)))
+    theta, weight, rows = (torch.cat(column) for column in zip(*parts, strict=True))
+    return theta, weight, rows
 
 
 def errors(light: Tensor, model: Tensor) -> Errors:

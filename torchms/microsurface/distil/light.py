@@ -10,12 +10,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from torchms.approximations.coordinates import ETA
+from torchms.approximations.distil import glass_rows, scenes
 from torchms.approximations.distil.rows import LEAST_COSINE, Rows
 from torchms.evaluation.workers import Workers
 from torchms.microsurface.rays.grid import Grid
 from torchms.microsurface.rays.grid_walk import GridCaster, GridTracer
 from torchms.microsurface.simulation.exits import exits, stretched
-from torchms.microsurface.simulation.materials import FacetMaterial
+from torchms.microsurface.simulation.materials import DielectricFacets, FacetMaterial
 from torchms.microsurface.surfaces.heightfield import Heightfield
 from torchms.sampling.uniforms import draw, generator_for, permutation
 from torchms.storage.archives import read_arrays
@@ -25,6 +27,8 @@ SIZE = 1024
 """Texels along each edge of a Gaussian tile, 16 a correlation length."""
 BATCHES, DIRECTIONS, RAYS = 16, 32, 256
 """Roughnesses of one block, directions of incidence of each, and paths of each of those."""
+GLASS_BATCHES = 64
+"""The same of glass: each has an index of its own, too."""
 PATHS = BATCHES * DIRECTIONS * RAYS
 """Paths of a block."""
 LONGEST = 30
@@ -34,6 +38,15 @@ KEPT = 0.25
 MARGIN = 1.06
 """Factor by which roughnesses reach beyond the range at either end, so that its ends are no ends of the training."""
 ANY = (0.1, 1.0)
+RATIOS = (1.3, ETA)
+"""Smallest and largest ratio of the indices that lobes of glass serve, the larger over the smaller.
+
+Nearer to 1, grazing light crosses several facets and hardly turns: lobes of three bounces and more become needles.
+"""
+LEAST_RATIO = 1.1 / glass_rows.MARGIN
+"""Smallest one that is learned from."""
+INDICES = 1 << 40
+"""What is added to the seed of the roughnesses for that of the indices."""
 MOST_BYTES = 1 << 28
 COLUMNS = ("ax", "ay", "wi", "wo", "order", "steep")
 
@@ -67,13 +80,31 @@ class Light(NamedTuple):
 
 def gaussian_block(facets: FacetMaterial, alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
     """Light on one Gaussian tile that is stretched to BATCHES roughnesses."""
+    return _stretched_tile([facets] * BATCHES, alpha, seed, number)
+
+
+def gaussian_glass_block(alpha: tuple[float, float], seed: int, number: int) -> dict[str, np.ndarray]:
+    """Light on one Gaussian tile of glass that is stretched to GLASS_BATCHES roughnesses, each with an index of its own.
+
+    Turned over, a Gaussian surface is one of the same kind: light from inside comes from above, to a relative index below 1.
+    """
+    generator = generator_for(seed * 1_000_003 + number + INDICES)
+    etas = scenes.indices(GLASS_BATCHES, math.log(LEAST_RATIO), RATIOS[1] * glass_rows.MARGIN, generator)
+    found = _stretched_tile([DielectricFacets(float(eta)) for eta in etas], alpha, seed, number)
+    return found | {"eta": np.repeat(etas.numpy().astype(np.float32), PATHS // GLASS_BATCHES)}
+
+
+def _stretched_tile(
+    facets: Sequence[FacetMaterial], alpha: tuple[float, float], seed: int, number: int
+) -> dict[str, np.ndarray]:
+    """Light on one Gaussian tile, stretched to a roughness for each of these facets."""
     caster = GridTracer().bind(Grid.of(Heightfield.gaussian(1.0, size=SIZE, seed=seed * 1000 + number)))
     where = incidence(alpha, BATCHES * DIRECTIONS, generator_for(seed * 1_000_003 + number))
-    parts = []
-    for k in range(BATCHES):
-        some = slice(k * DIRECTIONS, (k + 1) * DIRECTIONS)
+    each, parts = BATCHES * DIRECTIONS // len(facets), []
+    for k, material in enumerate(facets):
+        some = slice(k * each, (k + 1) * each)
         ax, ay = float(where.ax[some][0]), float(where.ay[some][0])
-        parts.append(_traced(stretched(caster, ax, ay), facets, (ax, ay), where.wi[some], (number, k)))
+        parts.append(_traced(stretched(caster, ax, ay), material, (ax, ay), where.wi[some], (number, k)))
     return {name: np.concatenate([part[name] for part in parts]) for name in COLUMNS}
 
 
