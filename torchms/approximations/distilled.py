@@ -157,11 +157,11 @@ class Distilled(Scattering):
             )
         low, high = self.ranges[key]
         for name, alpha in zip(("alpha", "alpha_y"), vertex.distribution.alphas, strict=True):
-            self._within(f"{kind}({name}=...)", alpha, (low, high))
+            self._within(key, f"{kind}({name}=...)", alpha, (low, high))
         if isinstance(vertex, Refractive):
-            self._within("Dielectric(eta=...)", vertex.eta, *self.etas[key])
+            self._within(key, "Dielectric(eta=...)", vertex.eta, *self.etas[key])
 
-    def _within(self, what: str, value: Tensor, *ranges: tuple[float, float]) -> None:
+    def _within(self, key: str, what: str, value: Tensor, *ranges: tuple[float, float]) -> None:
         value = value.detach()
         if value.is_meta or isinstance(value, torch._subclasses.FakeTensor):
             return
@@ -172,7 +172,9 @@ class Distilled(Scattering):
         if bool(bad.any()):
             low, high = ranges[0]
             allowed = "lie in " + " or ".join(f"[{low:g}, {high:g}]" for low, high in ranges)
-            other = "a range of your own run python -m torchms.approximations.distil"
+            traced = isinstance(self.lobes[key], SurfaceLobes | DiffuseSurfaceLobes | GlassSurfaceLobes)
+            where = "microsurface" if traced else "approximations"
+            other = f"a range of your own run python -m torchms.{where}.distil"
             if low == high:
                 allowed, other = f"be {low:g}", "another run torchms distil"
             raise ValueError(
