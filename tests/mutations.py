@@ -246,6 +246,10 @@ def main() -> int:
         for name in ("setup.cfg", "README.md"):
             shutil.copy(ROOT / name, tree / name)
         faults = [fault for fault in FAULTS if not wanted or any(word in fault.name for word in wanted)]
+        if not faults:
+            raise SystemExit(
+                f"no fault has {' or '.join(wanted)} in its name; there are {', '.join(f.name for f in FAULTS)}"
+            )
         print(f"{len(faults)} faults, each after its tests have passed without it:", flush=True)
         passed = set()
         for fault in faults:
