@@ -54,7 +54,7 @@ class Distilled(Scattering):
     docs/accuracy.md, 2.7 % for random ones. Energies with F = 1 are off by 0.06 % in the median, 0.3 % at most for round
     surfaces with α ≥ 0.25, 5 % for grazing light on smooth ones, 2 % for α = (1, 0.1), and 12 % at worst, for grazing light on
     Beckmann's (0.03, 1).
-    Diffuse lobes are off by 0.1 % in the median, by at most 0.7 % for those surfaces, 3.4 % for random ones; their furnace by
+    Diffuse lobes are off by 0.1 % in the median, by at most 0.8 % for those surfaces, 3.4 % for random ones; their furnace by
     up to 5e-3 (GGX) and 1e-2 (Beckmann). Glass keeps energy to 0.006 in the median, and only to 0.17 at worst at α = 1; its
     lobes are off by 0.4 to 1.9 % in the median, by several times that for rough glass at grazing light or beside a medium of
     lower index.
