@@ -19,6 +19,8 @@ from torchms.approximations.distil.rows import KINDS, Rows
 from torchms.sampling.uniforms import generator_for
 
 ALBEDOS = (0.2, 0.8, 1.0)
+FIXED = len(ALPHAS) * len(ANGLES)
+"""Surfaces and angles that are not random."""
 LONGEST = 20
 """Most bounces of a walk of the reference; those beyond follow from the last two."""
 POLAR, TURNS = 64, 128
@@ -96,12 +98,11 @@ def _around(z: Tensor, turns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 def rows(where: Rows) -> list[tuple[str, slice]]:
     """Groups of cells: each fixed surface at four angles, then the random ones."""
-    fixed = len(ALPHAS) * len(ANGLES)
-    random = [(f"{RANDOM} random", slice(fixed, None))] if fixed < len(where.ax) else []
+    random = [(f"{RANDOM} random", slice(FIXED, None))] if len(where.ax) > FIXED else []
     return [
         *(
             (f"alpha {float(where.ax[k]):g}, {float(where.ay[k]):g}", slice(k, k + len(ANGLES)))
-            for k in range(0, fixed, len(ANGLES))
+            for k in range(0, FIXED, len(ANGLES))
         ),
         *random,
         ("all", slice(None)),
@@ -113,7 +114,7 @@ def main(options: Options) -> None:
     """Print the median and the largest error of each group."""
     where = cells((0.03, 1.0), options.seed)
     if options.fixed:
-        where = Rows(*(x[: len(ALPHAS) * len(ANGLES)] for x in where))
+        where = Rows(*(x[:FIXED] for x in where))
     errors, energy = lobe_errors(options, where), furnace(options, where).abs()
     print(
         f"| cells | {' | '.join(f'albedo {a:g}: median, largest' for a in ALBEDOS)} | noise | furnace: median, largest |"

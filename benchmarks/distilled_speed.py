@@ -3,22 +3,19 @@
 python benchmarks/distilled_speed.py [--rows 262144] [--alpha-map]
 """
 
-import contextlib
-import os
-import statistics
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 import tyro
-from record import save
+from record import compiled_anew, first_call, save, timed
 from torch import Tensor
 
 import torchms as ms
+from torchms.approximations.distil.scenes import hemisphere
 from torchms.fresnel import Conductor, Dielectric, Ideal
 from torchms.sampling.uniforms import draw, generator_for
 
@@ -55,15 +52,6 @@ def cases(alpha: float | Tensor) -> dict[str, ms.BSDF]:
     }
 
 
-def directions(rows: int) -> tuple[Tensor, Tensor]:
-    """wi above the horizon, wo above it."""
-    u = draw((2,), rows, 2, generator=generator_for(1))
-    z, phi = u[..., 0].clamp(0.01, 0.99), 2 * torch.pi * u[..., 1]
-    r = (1 - z * z).sqrt()
-    wi, wo = torch.stack([r * phi.cos(), r * phi.sin(), z], -1)
-    return wi, wo
-
-
 def call_of(bsdf: ms.BSDF, wi: Tensor, wo: Tensor) -> Callable[[], Any]:
     """One value a row, with one path where that takes random numbers."""
     if bsdf.vertex.transmits:
@@ -81,14 +69,6 @@ def exported(bsdf: ms.BSDF, wi: Tensor, wo: Tensor, folder: Path) -> tuple[Calla
     return lambda: evaluator(wi, wo), path.stat().st_size
 
 
-def compiled(bsdf: ms.BSDF, wi: Tensor, wo: Tensor) -> tuple[Callable[[], Any], float]:
-    """A call in machine code, and the time of the first one [s], with nothing kept from before."""
-    call = call_of(ms.compile(bsdf, verbose=False), wi, wo)
-    start = time.perf_counter()
-    call()
-    return call, time.perf_counter() - start
-
-
 def row_of(case: dict[str, Any]) -> str:
     """A line of the table."""
     numbers = [f"{case['ns'][what]:.0f}" if what in case["ns"] else "" for what in ("eager", "compiled", "onnx")]
@@ -99,47 +79,27 @@ def row_of(case: dict[str, Any]) -> str:
 @torch.no_grad()
 def main(options: Options) -> None:
     """Time all cases in turns, print a table and keep it in results/."""
-    wi, wo = directions(options.rows)
-    alpha = (
-        0.5 if not options.alpha_map else draw((1,), options.rows, 1, generator=generator_for(2))[0, :, 0] * 0.8 + 0.1
-    )
+    rows, generator = options.rows, generator_for(1)
+    wi, wo = hemisphere(rows, generator), hemisphere(rows, generator)
+    alpha = draw((rows,), 1, 1, generator=generator)[:, 0, 0] * 0.8 + 0.1 if options.alpha_map else 0.5
     found, calls = [], []
-    with tempfile.TemporaryDirectory() as place, cache_in(Path(place)):
+    with tempfile.TemporaryDirectory() as place, compiled_anew():
         for name, bsdf in cases(alpha).items():
-            call, first = compiled(bsdf, wi, wo)
-            kinds, size = {"eager": call_of(bsdf, wi, wo), "compiled": call}, 0
+            compiled = call_of(ms.compile(bsdf, verbose=False), wi, wo)
+            case = {"case": name, "rows": rows, "first_call_s": first_call(compiled), "onnx_bytes": 0, "ns": {}}
+            kinds = {"eager": call_of(bsdf, wi, wo), "compiled": compiled}
             if bsdf.scattering.is_deterministic(bsdf.vertex) and not options.alpha_map:
-                kinds["onnx"], size = exported(bsdf, wi, wo, Path(place))
-            found.append({"case": name, "rows": options.rows, "first_call_s": first, "onnx_bytes": size})
-            calls.append(kinds)
-        times = [{what: [] for what in kinds} for kinds in calls]
-        for _ in range(options.repetitions):
-            for kinds, mine in zip(calls, times, strict=True):
-                for what, call in kinds.items():
-                    start = time.perf_counter()
-                    call()
-                    mine[what].append(time.perf_counter() - start)
+                kinds["onnx"], case["onnx_bytes"] = exported(bsdf, wi, wo, Path(place))
+            found.append(case)
+            calls += [(case["ns"], kind, call) for kind, call in kinds.items()]
+        times = timed(*(call for _, _, call in calls), repeats=options.repetitions)
+    for (ns, kind, _), seconds in zip(calls, times, strict=True):
+        ns[kind] = seconds / rows * 1e9
     print(
-        "| ns a row | eager | compiled | ONNX Runtime | first compiled call, s | file, kB |\n|---|---|---|---|---|---|"
+        "| ns a row | eager | compiled | ONNX Runtime | first compiled call, s | file, kB |", "|---" * 6 + "|", sep="\n"
     )
-    for case, mine in zip(found, times, strict=True):
-        case["ns"] = {what: statistics.median(t) / options.rows * 1e9 for what, t in mine.items()}
-        case["ns_least"] = {what: min(t) / options.rows * 1e9 for what, t in mine.items()}
-        print(row_of(case))
+    print("\n".join(row_of(case) for case in found))
     save("distilled_speed_map" if options.alpha_map else "distilled_speed", found)
-
-
-@contextlib.contextmanager
-def cache_in(folder: Path) -> Iterator[None]:
-    """Machine code is kept there, so that it is compiled anew."""
-    before = os.environ.get("TORCHINDUCTOR_CACHE_DIR")
-    os.environ["TORCHINDUCTOR_CACHE_DIR"] = str(folder)
-    try:
-        yield
-    finally:
-        os.environ.pop("TORCHINDUCTOR_CACHE_DIR")
-        if before is not None:
-            os.environ["TORCHINDUCTOR_CACHE_DIR"] = before
 
 
 if __name__ == "__main__":

@@ -1,20 +1,28 @@
 """What every benchmark's JSON says about where its numbers come from, and how a call is timed."""
 
+import contextlib
+import functools
 import os
 import platform
 import re
+import statistics
 import subprocess
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import torch
 
 import torchms
+from torchms.evaluation import engine
+from torchms.machine import build
 from torchms.storage.write import write_json
 
+REPEATS = 7
 HOME = Path(__file__).parent / "results"
 """Of the machine in its file `machine`, whose numbers the pages show; those of others go into a folder of their own there."""
 
@@ -69,6 +77,34 @@ def seconds(call: Callable[[], Any], repetitions: int = 7) -> dict[str, float]:
         times.append(time.perf_counter() - start)
     low, median, high = np.percentile(times, [25, 50, 75])
     return {"median": float(median), "q25": float(low), "q75": float(high)}
+
+
+def timed(*calls: Callable[[], Any], repeats: int | None = None) -> list[float]:
+    """Median seconds of each call; the calls take turns, after one warm-up."""
+    times: list[list[float]] = [[] for _ in calls]
+    for call in calls:
+        call()
+    for _ in range(repeats or REPEATS):
+        for call, found in zip(calls, times, strict=True):
+            start = time.perf_counter()
+            call()
+            found.append(time.perf_counter() - start)
+    return [statistics.median(found) for found in times]
+
+
+def first_call(call: Callable[[], Any]) -> float:
+    """Seconds of one call."""
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+@contextlib.contextmanager
+def compiled_anew() -> Iterator[None]:
+    """Nothing that was compiled before serves inside, and nothing of it is kept."""
+    with tempfile.TemporaryDirectory() as place, mock.patch.object(build, "folder", functools.partial(Path, place)):
+        engine._programs.clear()
+        yield
 
 
 def save(name: str, rows: list[dict[str, Any]], out: Path | None = None) -> None:

@@ -13,22 +13,19 @@ import functools
 import json
 import math
 import os
-import statistics
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import torch
 import yardstick
-from record import RESULTS, birth_certificate
+from record import REPEATS, RESULTS, birth_certificate, compiled_anew, first_call, timed
 
 import torchms as ms
 from torchms.fresnel import Conductor, Ideal
 from torchms.storage.write import write_json
 
 ROWS = 1 << 20
-REPEATS = 7
 
 
 def hemisphere(n: int, seed: int = 0) -> torch.Tensor:
@@ -39,28 +36,9 @@ def hemisphere(n: int, seed: int = 0) -> torch.Tensor:
     return torch.stack([r * phi.cos(), r * phi.sin(), z]).T
 
 
-def timed(*calls: Callable[[], Any], repeats: int | None = None) -> list[float]:
-    """Median seconds of each call; the calls take turns, after one warm-up."""
-    times: list[list[float]] = [[] for _ in calls]
-    for call in calls:
-        call()
-    for _ in range(repeats or REPEATS):
-        for call, found in zip(calls, times, strict=True):
-            start = time.perf_counter()
-            call()
-            found.append(time.perf_counter() - start)
-    return [statistics.median(found) for found in times]
-
-
 def conductor(kind: str, alpha: float, scattering: ms.Scattering | None = None) -> ms.RoughConductor:
     distribution = {"ggx": ms.GGX, "beckmann": ms.Beckmann}[kind](alpha)
     return ms.RoughConductor(distribution, Ideal(), scattering or ms.SingleBounce())
-
-
-def first_call(call: Callable[[], Any]) -> float:
-    start = time.perf_counter()
-    call()
-    return time.perf_counter() - start
 
 
 def yard(kind: str) -> int:
@@ -390,11 +368,6 @@ def contention() -> list[dict[str, Any]]:
 
 def compiling() -> list[dict[str, Any]]:
     """Seconds of the first call and of the first backward, with an empty cache on disk."""
-    import tempfile
-
-    from torchms.evaluation import engine
-    from torchms.machine import build
-
     rows = []
     wi, wo = hemisphere(5, 1), hemisphere(5, 2)
     cases = CASES | {
@@ -403,22 +376,17 @@ def compiling() -> list[dict[str, Any]]:
         "bidirectional invariance K=8": lambda: ms.Bidirectional(ms.Invariance(), 8),
         "Kulla-Conty": ms.KullaConty,
     }
-    folder = build.folder
     for name, scattering in cases.items():
-        with tempfile.TemporaryDirectory() as place:
-            build.folder = functools.partial(Path, place)
-            engine._programs.clear()
+        with compiled_anew():
             alpha = torch.nn.Parameter(torch.tensor(0.5))
             fast = ms.compile(ms.RoughConductor(ms.GGX(alpha), Ideal(), scattering()), verbose=False)
             forward = first_call(lambda f=fast: f(wi, wo, ms.Stream(1)))
             value = fast(wi, wo, ms.Stream(1)).sum()
             rows.append({"case": name, "forward_s": forward, "backward_s": first_call(value.backward)})
             print(rows[-1], flush=True)
-    build.folder = folder
     return rows
 
 
-@torch.no_grad()
 def bounds() -> list[dict[str, Any]]:
     """What this machine can do, by the same compiler: ns of an operation on one number, two threads."""
     rows = []

@@ -237,6 +237,11 @@ def caught_by(tree: Path, fault: Fault) -> str:
 
 def main() -> int:
     wanted = sys.argv[1:]
+    faults = [fault for fault in FAULTS if not wanted or any(word in fault.name for word in wanted)]
+    if not faults:
+        raise SystemExit(
+            f"no fault has {' or '.join(wanted)} in its name; there are {', '.join(f.name for f in FAULTS)}"
+        )
     survived = 0
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
@@ -245,11 +250,6 @@ def main() -> int:
             shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__", "node_modules"))
         for name in ("setup.cfg", "README.md"):
             shutil.copy(ROOT / name, tree / name)
-        faults = [fault for fault in FAULTS if not wanted or any(word in fault.name for word in wanted)]
-        if not faults:
-            raise SystemExit(
-                f"no fault has {' or '.join(wanted)} in its name; there are {', '.join(f.name for f in FAULTS)}"
-            )
         print(f"{len(faults)} faults, each after its tests have passed without it:", flush=True)
         passed = set()
         for fault in faults:
